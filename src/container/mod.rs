@@ -1,0 +1,3 @@
+//! The container file (`.vxs`): layout, writing, checked reading.
+
+pub mod layout;

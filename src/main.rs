@@ -1,0 +1,2 @@
+//! The `voxsight` command.
+fn main() {}
