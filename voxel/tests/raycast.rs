@@ -1,0 +1,163 @@
+//! Rays against every voxel they cross, by f64 slab tests over all occupied voxels.
+
+mod common;
+
+use std::ops::ControlFlow;
+
+use common::{random_soup, unit_grid};
+use glam::DVec3;
+use voxsight_voxel::dag::DagRef;
+use voxsight_voxel::raycast::GridRay;
+use voxsight_voxel::voxelize::voxelize;
+
+/// A voxel crossed by more than this must be found (voxels).
+const TOLERANCE: f64 = 1.0 / 1024.0;
+
+/// The interval of `t` in which the ray is inside the voxel's box shrunk by `shrink`.
+fn slab(ray: &GridRay, voxel: [i32; 3], shrink: f64) -> Option<(f64, f64)> {
+    let (mut t_in, mut t_out) = (ray.t_min, ray.t_max);
+    for (k, &cell) in voxel.iter().enumerate() {
+        let (low, high) = (f64::from(cell) + shrink, f64::from(cell + 1) - shrink);
+        let (o, d) = (ray.origin[k], ray.direction[k]);
+        if d == 0.0 {
+            if o < low || o > high {
+                return None;
+            }
+        } else {
+            let (a, b) = ((low - o) / d, (high - o) / d);
+            t_in = t_in.max(a.min(b));
+            t_out = t_out.min(a.max(b));
+        }
+    }
+    (t_in <= t_out).then_some((t_in, t_out))
+}
+
+fn occupied(dag: &DagRef) -> Vec<[i32; 3]> {
+    let mut voxels = Vec::new();
+    dag.for_each_brick(|corner, _, mask| {
+        for bit in (0..64).filter(|bit| mask >> bit & 1 == 1) {
+            voxels.push([corner[0] + (bit & 3), corner[1] + (bit >> 2 & 3), corner[2] + (bit >> 4)]);
+        }
+    });
+    voxels
+}
+
+fn random_ray(random: &mut oorandom::Rand64, side: f64) -> GridRay {
+    let point = |random: &mut oorandom::Rand64, reach: f64| {
+        DVec3::new(random.rand_float(), random.rand_float(), random.rand_float()) * reach
+            - DVec3::splat((reach - side) / 2.0)
+    };
+    let target = point(random, side);
+    let mut origin = match random.rand_range(0..4) {
+        0 => point(random, side),
+        1 => point(random, side * 1e6),
+        _ => point(random, side * 3.0),
+    };
+    let mut direction = target - origin;
+    match random.rand_range(0..10) {
+        0 => direction[random.rand_range(0..3) as usize] = 0.0,
+        1 => {
+            let axis = random.rand_range(0..3) as usize;
+            direction = DVec3::ZERO;
+            direction[axis] = if random.rand_range(0..2) == 0 { 1.0 } else { -1.0 };
+            origin = point(random, side);
+            origin[axis] = if direction[axis] > 0.0 { -1.0 } else { side + 1.0 };
+        }
+        2 => {
+            // Along a face: one coordinate on a plane, no motion across it.
+            let axis = random.rand_range(0..3) as usize;
+            origin[axis] = random.rand_range(0..side as u64) as f64;
+            direction[axis] = -0.0;
+        }
+        3 => {
+            // Through corners.
+            origin = origin.round();
+            direction = DVec3::new(1.0, -1.0, 1.0);
+        }
+        4 => direction[random.rand_range(0..3) as usize] = 5e-324,
+        5 => direction *= 1e-300,
+        6 => direction *= 1e200,
+        _ => {}
+    }
+    GridRay::new(origin, direction)
+}
+
+#[test]
+fn no_crossed_voxel_is_passed_and_none_is_made_up() {
+    let mut hits = 0u64;
+    for seed in 0..5 {
+        let log2 = 6 + (seed % 2) as u32;
+        let voxels = voxelize(&unit_grid(log2), &random_soup(seed, log2, 24)).unwrap();
+        let dag = voxels.dag.view();
+        let occupied = occupied(&dag);
+        let mut random = oorandom::Rand64::new(seed.into());
+        for round in 0..2500 {
+            let ray = random_ray(&mut random, f64::from(1 << log2));
+            // Far away, the ray itself is only known to so many digits.
+            let blur = TOLERANCE + ray.origin.abs().max_element() * 1e-15;
+            let mut found = Vec::new();
+            let mut last_t = f64::NEG_INFINITY;
+            dag.cast(&ray, |hit| {
+                assert!(hit.t >= last_t, "seed {seed} round {round}: {ray:?} goes back");
+                last_t = hit.t;
+                let (ordinal, mask) = dag.brick_at(hit.voxel).unwrap();
+                assert_eq!(hit.brick_ordinal(), ordinal);
+                assert!(mask >> hit.bit & 1 == 1);
+                let grown = slab(&ray, hit.voxel, -blur);
+                assert!(grown.is_some(), "seed {seed} round {round}: {ray:?} does not cross {:?}", hit.voxel);
+                found.push(hit.voxel);
+                ControlFlow::Continue(())
+            });
+            hits += found.len() as u64;
+            found.sort_unstable();
+            assert!(found.windows(2).all(|w| w[0] != w[1]), "seed {seed} round {round}: a voxel twice");
+            for voxel in &occupied {
+                if slab(&ray, *voxel, blur).is_some() {
+                    assert!(
+                        found.binary_search(voxel).is_ok(),
+                        "seed {seed} round {round}: {ray:?} passed {voxel:?}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(hits > 10_000, "too few hits to mean anything: {hits}");
+}
+
+#[test]
+fn a_ray_is_clipped_to_its_interval() {
+    let voxels = voxelize(&unit_grid(6), &random_soup(3, 6, 7)).unwrap();
+    let dag = voxels.dag.view();
+    let mut random = oorandom::Rand64::new(3);
+    let mut clipped = 0;
+    for _ in 0..2000 {
+        let ray = random_ray(&mut random, 64.0);
+        let Some((_, t)) = dag.first_hit(&ray) else { continue };
+        if t <= 0.0 {
+            continue;
+        }
+        assert!(dag.first_hit(&GridRay { t_max: t * (1.0 - 1e-9), ..ray }).is_none());
+        assert_eq!(
+            dag.first_hit(&GridRay { t_max: t * (1.0 + 1e-9), ..ray }).map(|hit| hit.0),
+            dag.first_hit(&ray).map(|h| h.0)
+        );
+        clipped += 1;
+    }
+    assert!(clipped > 200, "{clipped}");
+}
+
+#[test]
+fn rays_that_are_none_hit_nothing() {
+    let voxels = voxelize(&unit_grid(6), &random_soup(3, 6, 7)).unwrap();
+    let dag = voxels.dag.view();
+    let inside = DVec3::splat(20.0);
+    for (origin, direction) in [
+        (inside, DVec3::ZERO),
+        (inside, DVec3::NAN),
+        (DVec3::NAN, DVec3::X),
+        (inside, DVec3::INFINITY),
+        (DVec3::INFINITY, DVec3::NEG_ONE),
+    ] {
+        assert_eq!(dag.first_hit(&GridRay::new(origin, direction)), None);
+    }
+}

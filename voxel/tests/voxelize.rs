@@ -1,0 +1,162 @@
+//! The voxelizer against brute force: every voxel, every owner.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use common::{Soup, random_soup, unit_grid};
+use voxsight_voxel::dag::owners::OwnersIndex;
+use voxsight_voxel::dag::{DagRef, OwnersRef};
+use voxsight_voxel::voxelize::overlap::TriangleOverlap;
+use voxsight_voxel::voxelize::voxelize;
+
+/// Owners of every occupied voxel, by testing each brick of the grid against each triangle.
+fn owners_by_brute_force(soup: &Soup, log2: u32) -> BTreeMap<[i32; 3], Vec<u32>> {
+    let mut owners: BTreeMap<[i32; 3], Vec<u32>> = BTreeMap::new();
+    for (drawable, triangles) in soup.0.iter().enumerate() {
+        for triangle in triangles {
+            let overlap = TriangleOverlap::new(*triangle);
+            for z in 0..1 << log2 {
+                for y in 0..1 << log2 {
+                    for x in 0..1 << log2 {
+                        if overlap.touches_cell([x, y, z], 0) {
+                            let of_voxel = owners.entry([x, y, z]).or_default();
+                            if of_voxel.last() != Some(&(drawable as u32)) {
+                                of_voxel.push(drawable as u32);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    owners
+}
+
+#[test]
+fn every_voxel_knows_exactly_its_owners() {
+    for seed in 0..6 {
+        let log2 = 6 + (seed % 2) as u32;
+        let soup = random_soup(seed, log2, 9);
+        let expected = owners_by_brute_force(&soup, log2);
+        let voxels = voxelize(&unit_grid(log2), &soup).unwrap();
+        let (dag, statistics) =
+            DagRef::validate(&voxels.dag.shape, &voxels.dag.words, &voxels.dag.counts, &voxels.dag.leaves)
+                .unwrap();
+        let (runs, lists) = (&voxels.owners.runs, &voxels.owners.lists);
+        let index = OwnersIndex::validate(runs, lists, dag.brick_count(), 9).unwrap();
+        let owners = OwnersRef::new(runs, lists, &index);
+
+        let mut found = BTreeMap::new();
+        let mut ordinals = 0;
+        dag.for_each_brick(|corner, ordinal, mask| {
+            assert_eq!(ordinal, ordinals, "seed {seed}");
+            ordinals += 1;
+            for bit in (0..64).filter(|bit| mask >> bit & 1 == 1) {
+                let voxel = [corner[0] + (bit & 3), corner[1] + (bit >> 2 & 3), corner[2] + (bit >> 4)];
+                assert_eq!(dag.brick_at(voxel), Some((ordinal, mask)), "seed {seed} {voxel:?}");
+                found.insert(voxel, owners.of_brick(ordinal).of_voxel(bit as u32).collect::<Vec<_>>());
+            }
+        });
+        assert_eq!(found.len() as u64, statistics.voxels, "seed {seed}");
+        assert_eq!(u64::from(ordinals), statistics.bricks, "seed {seed}");
+        assert_eq!(found, expected, "seed {seed}");
+    }
+}
+
+#[test]
+fn blocks_and_threads_do_not_change_a_bit() {
+    for (seed, log2) in [(1, 9), (2, 10), (3, 11)] {
+        let soup = random_soup(seed, log2, 60);
+        let build = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| voxelize(&unit_grid(log2), &soup).unwrap())
+        };
+        let one = build(1);
+        assert_eq!(one, build(2), "seed {seed}");
+        assert_eq!(one, build(7), "seed {seed}");
+        assert!(one.dag.view().brick_count() > 1000);
+    }
+}
+
+#[test]
+fn large_grids_hold_every_point_of_every_triangle() {
+    for (seed, log2) in [(11, 12), (12, 13), (13, 11)] {
+        let soup = random_soup(seed, log2, 12);
+        let small =
+            Soup(soup.0.into_iter().map(|d| d.into_iter().map(|t| shrink(t, 1 << 18)).collect()).collect());
+        let voxels = voxelize(&unit_grid(log2), &small).unwrap();
+        let dag = voxels.dag.view();
+        let index = voxels.owners.index(dag.brick_count());
+        let owners = OwnersRef::new(&voxels.owners.runs, &voxels.owners.lists, &index);
+        let mut random = oorandom::Rand64::new(99);
+        for (drawable, triangles) in small.0.iter().enumerate() {
+            for t in triangles {
+                for _ in 0..300 {
+                    let (mut u, mut v) = (random.rand_float(), random.rand_float());
+                    if u + v > 1.0 {
+                        (u, v) = (1.0 - u, 1.0 - v);
+                    }
+                    let at = |k: usize| {
+                        let [a, b, c] = [t[0][k], t[1][k], t[2][k]].map(f64::from);
+                        ((a + u * (b - a) + v * (c - a)) / 256.0).floor() as i32
+                    };
+                    let voxel = [at(0), at(1), at(2)].map(|c| c.clamp(0, (1 << log2) - 1));
+                    let (ordinal, _) = dag.brick_at(voxel).unwrap_or_else(|| panic!("seed {seed} {voxel:?}"));
+                    let bit = (voxel[0] & 3 | (voxel[1] & 3) << 2 | (voxel[2] & 3) << 4) as u32;
+                    assert!(dag.is_occupied(voxel), "seed {seed} {voxel:?}");
+                    let owned = owners.of_brick(ordinal).of_voxel(bit).any(|d| d == drawable as u32);
+                    assert!(owned, "seed {seed} {voxel:?} drawable {drawable}");
+                }
+            }
+        }
+    }
+}
+
+/// Keeps a triangle's size below `most` steps, so that the test stays quick.
+fn shrink(t: [[i32; 3]; 3], most: i32) -> [[i32; 3]; 3] {
+    t.map(|p| [0, 1, 2].map(|k| t[0][k] + (p[k] - t[0][k]).clamp(-most, most)))
+}
+
+#[test]
+fn nothing_gives_an_empty_dag() {
+    let voxels = voxelize(&unit_grid(9), &Soup(vec![vec![], vec![]])).unwrap();
+    assert_eq!(voxels.dag.shape.root, None);
+    let (dag, statistics) = DagRef::validate(&voxels.dag.shape, &[], &[], &[]).unwrap();
+    assert_eq!((statistics.voxels, dag.brick_count()), (0, 0));
+    assert!(OwnersIndex::validate(&voxels.owners.runs, &voxels.owners.lists, 0, 2).is_ok());
+}
+
+#[test]
+fn validation_finds_damage_or_leaves_a_dag_that_is_safe_to_walk() {
+    let soup = random_soup(5, 8, 20);
+    let voxels = voxelize(&unit_grid(8), &soup).unwrap();
+    let bricks = voxels.dag.view().brick_count();
+    let mut random = oorandom::Rand64::new(17);
+    let mut refused = 0;
+    for _ in 0..3000 {
+        let mut dag = voxels.dag.clone();
+        let mut owners = voxels.owners.clone();
+        let flip = 1u64 << random.rand_range(0..64);
+        let mut pick = |length: usize| random.rand_range(0..length as u64) as usize;
+        match pick(5) {
+            0 => dag.words[pick(voxels.dag.words.len())] ^= (flip | flip >> 32) as u32,
+            1 => dag.counts[pick(voxels.dag.counts.len())] ^= (flip | flip >> 32) as u32,
+            2 => dag.leaves[pick(voxels.dag.leaves.len())] ^= flip,
+            3 => owners.runs[pick(voxels.owners.runs.len())] ^= (flip | flip >> 32) as u32,
+            _ => owners.lists[pick(voxels.owners.lists.len())] ^= flip,
+        }
+        let valid = DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves);
+        let index = OwnersIndex::validate(&owners.runs, &owners.lists, bricks, 20);
+        match (valid, index) {
+            (Ok((dag, _)), Ok(index)) if dag.brick_count() == bricks => {
+                let owners = OwnersRef::new(&owners.runs, &owners.lists, &index);
+                dag.for_each_brick(|_, ordinal, _| {
+                    (0..64).for_each(|bit| assert!(owners.of_brick(ordinal).of_voxel(bit).all(|d| d < 20)));
+                });
+            }
+            _ => refused += 1,
+        }
+    }
+    assert!(refused > 1000, "only {refused} of 3000 damaged tables were refused");
+}
