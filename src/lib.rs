@@ -12,11 +12,15 @@
 //! *grid* is voxel units from the grid's low corner. Level 0 is the finest level of detail. Triangles are
 //! counter-clockwise seen from outside. Colours are sRGB, 8 bits. Files are little endian.
 
+pub mod camera;
 pub mod container;
+pub mod exact;
 pub mod geometry;
 pub mod import;
 pub mod model;
 pub mod prepare;
 pub mod progress;
+pub mod ray;
 pub mod report;
 pub mod sample;
+pub mod visibility;

@@ -1,0 +1,207 @@
+//! Visibility queries: what does a camera see?
+//!
+//! A ray of the query gives one sample to the first opaque drawable that it meets and one to every transparent drawable
+//! before that. Methods ([`Method`]) differ in how they find them:
+//!
+//! - `frustum`: every drawable whose box meets the view pyramid; no samples.
+//! - `voxel`: the first occupied voxel wins: all its owners become visible, the sample goes to the first of them.
+//! - `hybrid`: the voxels along the ray name the candidates, their triangles decide.
+//! - `exact`: triangles only, the reference.
+
+mod accuracy;
+mod frustum;
+mod sampling;
+mod voxel;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+use voxsight_voxel::dag::{DagRef, OwnersRef};
+use voxsight_voxel::grid::Grid;
+
+pub use accuracy::{Accuracy, ClassError, accuracy};
+pub use sampling::{PixelRay, for_each_pixel_ray, sample_offset};
+
+use crate::camera::CameraRays;
+use crate::exact::ExactScene;
+use crate::ray::Ray;
+
+/// How visibility is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// The first occupied voxel wins.
+    Voxel,
+    /// Voxels propose, triangles decide.
+    Hybrid,
+    /// Triangles only.
+    Exact,
+    /// Boxes against the view pyramid, no occlusion.
+    Frustum,
+}
+
+/// Settings of a query.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuerySettings {
+    /// Rays per pixel, at least 1; the first goes through the pixel's middle.
+    pub rays_per_pixel: u32,
+    /// `hybrid` accepts a voxel without asking its triangles when the voxel is smaller than this many pixels at its
+    /// distance. 0: always ask, which gives what `exact` gives.
+    pub accept_below_px: f64,
+}
+
+impl Default for QuerySettings {
+    fn default() -> Self {
+        QuerySettings { rays_per_pixel: 1, accept_below_px: 0.0 }
+    }
+}
+
+/// A scene as the queries see it.
+#[derive(Clone, Copy)]
+pub struct QueryScene<'a> {
+    /// Level-0 triangles.
+    pub exact: &'a ExactScene,
+    /// Grid of the voxels.
+    pub grid: Grid,
+    /// Occupied voxels.
+    pub dag: DagRef<'a>,
+    /// Who occupies them.
+    pub owners: OwnersRef<'a>,
+    /// World-space boxes of the objects and the range of their drawables, for `frustum`.
+    pub object_boxes: &'a [(DVec3, DVec3, Range<u32>)],
+}
+
+/// The answer of a query.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VisibleSet {
+    /// Rays cast.
+    pub rays: u64,
+    /// Rays that met anything.
+    pub hits: u64,
+    /// Samples of each drawable.
+    pub samples: Vec<u32>,
+    /// Is the drawable in the answer? True wherever there is a sample, and for drawables that a method cannot tell from
+    /// one (the other owners of a voxel, everything in the frustum).
+    pub visible: Vec<bool>,
+}
+
+impl VisibleSet {
+    fn new(drawables: u32) -> Self {
+        VisibleSet {
+            rays: 0,
+            hits: 0,
+            samples: vec![0; drawables as usize],
+            visible: vec![false; drawables as usize],
+        }
+    }
+
+    /// One more sample.
+    fn count(&mut self, drawable: u32) {
+        let samples = &mut self.samples[drawable as usize];
+        *samples = samples.saturating_add(1);
+        self.visible[drawable as usize] = true;
+    }
+
+    fn merge(&mut self, other: &VisibleSet) {
+        self.rays += other.rays;
+        self.hits += other.hits;
+        for (mine, theirs) in self.samples.iter_mut().zip(&other.samples) {
+            *mine = mine.saturating_add(*theirs);
+        }
+        for (mine, theirs) in self.visible.iter_mut().zip(&other.visible) {
+            *mine |= theirs;
+        }
+    }
+
+    /// Drawables in the answer.
+    pub fn visible_count(&self) -> usize {
+        self.visible.iter().filter(|&&visible| visible).count()
+    }
+
+    /// Samples and visibility of objects: `object_of` maps a drawable to its object.
+    pub fn by_object(&self, object_of: impl Fn(u32) -> u32) -> BTreeMap<u32, u64> {
+        let mut objects = BTreeMap::new();
+        for (drawable, (&samples, &visible)) in self.samples.iter().zip(&self.visible).enumerate() {
+            if visible {
+                *objects.entry(object_of(drawable as u32)).or_default() += u64::from(samples);
+            }
+        }
+        objects
+    }
+}
+
+/// What one ray of a query finds.
+pub(crate) trait RayQuery: Sync {
+    /// Counts what the ray meets; true when it met anything.
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool;
+}
+
+/// Asks what the camera sees. Uses all threads of the current rayon pool; the answer does not depend on their number.
+pub fn query(
+    scene: &QueryScene,
+    camera: &CameraRays,
+    method: Method,
+    settings: &QuerySettings,
+) -> VisibleSet {
+    match method {
+        Method::Frustum => frustum::in_frustum(scene, camera),
+        Method::Exact => cast_all(&ExactQuery(scene.exact), scene, camera, settings),
+        Method::Voxel => cast_all(&voxel::VoxelQuery::new(scene), scene, camera, settings),
+        Method::Hybrid => {
+            let footprint = camera.pixel_at_unit_depth() * settings.accept_below_px;
+            cast_all(&voxel::HybridQuery::new(scene, footprint), scene, camera, settings)
+        }
+    }
+}
+
+/// Casts all rays of an image; counting is per thread and merged once.
+fn cast_all(
+    query: &dyn RayQuery,
+    scene: &QueryScene,
+    camera: &CameraRays,
+    settings: &QuerySettings,
+) -> VisibleSet {
+    let drawables = scene.exact.drawable_count();
+    let tiles = sampling::tiles(camera.size());
+    let next = std::sync::atomic::AtomicUsize::new(0);
+    let parts = rayon::broadcast(|_| {
+        let mut found = VisibleSet::new(drawables);
+        loop {
+            let index = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            let Some(tile) = tiles.get(index) else { return found };
+            for_each_pixel_ray(camera, tile, settings.rays_per_pixel, |pixel| {
+                found.rays += 1;
+                found.hits += u64::from(query.trace(&pixel.ray, &mut found));
+            });
+        }
+    });
+    parts.into_par_iter().reduce(
+        || VisibleSet::new(drawables),
+        |mut a, b| {
+            a.merge(&b);
+            a
+        },
+    )
+}
+
+struct ExactQuery<'a>(&'a ExactScene);
+
+impl RayQuery for ExactQuery<'_> {
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool {
+        let mut through = Vec::new();
+        let opaque = self.0.closest_through(ray, |hit| through.push(hit));
+        let end = opaque.map_or(f64::INFINITY, |hit| hit.t);
+        let mut any = opaque.is_some();
+        for hit in through.iter().filter(|hit| hit.t < end) {
+            found.count(hit.drawable);
+            any = true;
+        }
+        if let Some(hit) = opaque {
+            found.count(hit.drawable);
+        }
+        any
+    }
+}

@@ -1,0 +1,158 @@
+//! Queries through the voxel DAG: `voxel` and `hybrid`.
+
+use std::ops::ControlFlow;
+
+use voxsight_voxel::dag::Owners;
+use voxsight_voxel::raycast::{GridRay, VoxelHit};
+
+use super::{QueryScene, RayQuery, VisibleSet};
+use crate::exact::TriangleHit;
+use crate::ray::Ray;
+
+/// The same ray in voxel units; `t` stays.
+fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
+    GridRay {
+        origin: scene.grid.grid_from_world(ray.origin),
+        direction: ray.direction / scene.grid.voxel_size,
+        t_min: ray.t_min,
+        t_max: ray.t_max,
+    }
+}
+
+/// Owners of the brick last asked for: neighbouring voxels along a ray mostly share it.
+struct BrickOwners<'a> {
+    brick: [i32; 3],
+    owners: Owners<'a>,
+}
+
+impl<'a> BrickOwners<'a> {
+    fn new() -> Self {
+        BrickOwners { brick: [i32::MIN; 3], owners: Owners::Several(&[]) }
+    }
+
+    fn of_voxel(&mut self, scene: &QueryScene<'a>, hit: &VoxelHit) -> impl Iterator<Item = u32> + use<'a> {
+        let brick = hit.voxel.map(|c| c >> 2);
+        if brick != self.brick {
+            *self = BrickOwners { brick, owners: scene.owners.of_brick(hit.brick_ordinal()) };
+        }
+        self.owners.of_voxel(hit.bit)
+    }
+}
+
+/// The first voxel with an opaque owner ends the ray.
+pub(super) struct VoxelQuery<'a> {
+    scene: QueryScene<'a>,
+}
+
+impl<'a> VoxelQuery<'a> {
+    pub fn new(scene: &QueryScene<'a>) -> Self {
+        VoxelQuery { scene: *scene }
+    }
+}
+
+impl RayQuery for VoxelQuery<'_> {
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool {
+        let exact = self.scene.exact;
+        let mut owners = BrickOwners::new();
+        let mut passed: Vec<u32> = Vec::new();
+        let mut any = false;
+        self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
+            any = true;
+            let of_voxel = owners.of_voxel(&self.scene, hit);
+            let mut first_opaque = None;
+            for owner in of_voxel {
+                found.visible[owner as usize] = true;
+                if exact.is_transparent(owner) {
+                    if !passed.contains(&owner) {
+                        passed.push(owner);
+                        found.count(owner);
+                    }
+                } else if first_opaque.is_none() {
+                    first_opaque = Some(owner);
+                }
+            }
+            match first_opaque {
+                Some(owner) => {
+                    found.count(owner);
+                    ControlFlow::Break(())
+                }
+                None => ControlFlow::Continue(()),
+            }
+        });
+        any
+    }
+}
+
+/// Voxels name the candidates, front to back; each candidate's triangles are asked once a ray. The nearest hit wins as
+/// soon as the ray has come to it.
+///
+/// Every voxel that a triangle touches knows it as owner, so that with `footprint` 0 this finds what `exact` finds: the
+/// voxel that holds the nearest hit is entered before the walk ends.
+pub(super) struct HybridQuery<'a> {
+    scene: QueryScene<'a>,
+    /// A voxel smaller than depth times this is accepted unseen.
+    footprint: f64,
+}
+
+impl<'a> HybridQuery<'a> {
+    pub fn new(scene: &QueryScene<'a>, footprint: f64) -> Self {
+        HybridQuery { scene: *scene, footprint }
+    }
+}
+
+impl RayQuery for HybridQuery<'_> {
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool {
+        let exact = self.scene.exact;
+        let mut owners = BrickOwners::new();
+        let mut asked: Vec<u32> = Vec::new();
+        let mut through: Vec<TriangleHit> = Vec::new();
+        let mut best: Option<TriangleHit> = None;
+        let mut accepted: Option<(u32, f64)> = None;
+        // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
+        let slack = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
+        self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
+            if best.is_some_and(|best| hit.t > best.t + slack) {
+                return ControlFlow::Break(());
+            }
+            let unseen = self.scene.grid.voxel_size < hit.t * self.footprint;
+            for owner in owners.of_voxel(&self.scene, hit) {
+                if unseen {
+                    found.visible[owner as usize] = true;
+                    if !exact.is_transparent(owner) && accepted.is_none() {
+                        accepted = Some((owner, hit.t));
+                    }
+                    continue;
+                }
+                if asked.contains(&owner) {
+                    continue;
+                }
+                asked.push(owner);
+                let limit = Ray { t_max: best.map_or(ray.t_max, |best| best.t), ..*ray };
+                let Some(triangle) = exact.closest_of(owner, &limit) else { continue };
+                if exact.is_transparent(owner) {
+                    through.push(triangle);
+                } else if best.is_none_or(|b| triangle.t < b.t || triangle.t == b.t && owner < b.drawable) {
+                    best = Some(triangle);
+                }
+            }
+            if accepted.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let first = match (best, accepted) {
+            (Some(best), Some((owner, t))) => {
+                Some(if best.t <= t { (best.drawable, best.t) } else { (owner, t) })
+            }
+            (Some(best), None) => Some((best.drawable, best.t)),
+            (None, accepted) => accepted,
+        };
+        let end = first.map_or(f64::INFINITY, |(_, t)| t);
+        let mut any = first.is_some();
+        for hit in through.iter().filter(|hit| hit.t < end) {
+            found.count(hit.drawable);
+            any = true;
+        }
+        if let Some((drawable, _)) = first {
+            found.count(drawable);
+        }
+        any
+    }
+}
