@@ -21,6 +21,7 @@ pub mod model;
 pub mod prepare;
 pub mod progress;
 pub mod ray;
+pub mod render;
 pub mod report;
 pub mod sample;
 pub mod visibility;
