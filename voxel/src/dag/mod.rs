@@ -70,19 +70,11 @@ pub struct Dag {
 impl Dag {
     /// A borrowed view. What this library built needs no validation.
     pub fn view(&self) -> DagRef<'_> {
-        DagRef {
-            height: root_height(self.shape.log2),
-            log2: self.shape.log2,
-            root: self.shape.root,
-            words: &self.words,
-            counts: &self.counts,
-            leaves: &self.leaves,
-        }
+        DagRef::assume_valid(&self.shape, &self.words, &self.counts, &self.leaves)
     }
 }
 
-/// A DAG over borrowed arrays, such as sections of a mapped file. Built by [`Dag::view`] or [`DagRef::validate`] only,
-/// so that every offset in it is known to be in range.
+/// A DAG over borrowed arrays, such as sections of a mapped file. See [`DagRef::validate`].
 #[derive(Clone, Copy, Debug)]
 pub struct DagRef<'a> {
     pub(crate) height: u32,
@@ -91,6 +83,14 @@ pub struct DagRef<'a> {
     pub(crate) words: &'a [u32],
     pub(crate) counts: &'a [u32],
     pub(crate) leaves: &'a [u64],
+}
+
+impl<'a> DagRef<'a> {
+    /// A view over arrays that have passed [`DagRef::validate`] before, without checking them again. With other arrays,
+    /// traversal may give nonsense or panic, but stays safe.
+    pub fn assume_valid(shape: &DagShape, words: &'a [u32], counts: &'a [u32], leaves: &'a [u64]) -> Self {
+        DagRef { height: root_height(shape.log2), log2: shape.log2, root: shape.root, words, counts, leaves }
+    }
 }
 
 impl DagRef<'_> {

@@ -1,0 +1,363 @@
+//! The whole preparation: a model becomes a container. [`build`] reads as the list of its stages.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde_json::json;
+use voxsight_voxel::dag::{DagError, DagRef, DagStatistics};
+use voxsight_voxel::grid::{Grid, GridError};
+use voxsight_voxel::voxelize::{Voxelized, voxelize};
+
+use super::localise::localise;
+use super::part::{PartSettings, PrepareError, prepare_part};
+use super::resources::{StageCost, Stopwatch, resident_bytes};
+use super::voxels::{ChunkGeometry, SceneDrawables};
+use crate::container::layout::SectionKind;
+use crate::container::{
+    Axis, BuildReport, ContainerError, ContainerWriter, Damage, DagMeta, EncodedPart, Generator, GeometryRecords,
+    GeometryWriter, GridMeta, Meta, PartError, SceneRecords, Settings, Source, encode_part,
+};
+use crate::model::{Model, Part};
+use crate::progress::Progress;
+use crate::report::Findings;
+
+/// Parts prepared between two writes, so that few wait in memory.
+const PARTS_PER_ROUND: usize = 256;
+
+/// How fine the voxels are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Resolution {
+    /// 2^log2 voxels along the side of the grid, 6 to 17.
+    Log2(u32),
+    /// Side of a voxel in model units.
+    VoxelSize(f64),
+}
+
+/// How a container is built.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildSettings {
+    /// How fine the voxels are.
+    pub resolution: Resolution,
+    /// Make coarser levels of detail.
+    pub lod: bool,
+    /// Largest distance between an input coordinate and its decoded one, model units.
+    pub max_position_error: Option<f64>,
+    /// Name of the model's unit.
+    pub unit: String,
+    /// Its length in metres.
+    pub metres_per_unit: f64,
+    /// The model's up axis, recorded.
+    pub up: Axis,
+    /// Stop with an error rather than hold more resident memory than this, bytes.
+    pub memory: Option<u64>,
+}
+
+impl Default for BuildSettings {
+    fn default() -> Self {
+        BuildSettings {
+            resolution: Resolution::Log2(12),
+            lod: true,
+            max_position_error: None,
+            unit: "m".to_owned(),
+            metres_per_unit: 1.0,
+            up: Axis::Y,
+            memory: None,
+        }
+    }
+}
+
+/// What a build gives beside the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildOutcome {
+    /// As in the file.
+    pub meta: Meta,
+    /// As in the file.
+    pub report: BuildReport,
+    /// Not in the file, which depends on the input and the settings alone.
+    pub stages: Vec<StageCost>,
+}
+
+/// Why a build failed. The target file is as it was before.
+#[derive(Debug, thiserror::Error)]
+pub enum BuildError {
+    /// A part cannot be prepared.
+    #[error(transparent)]
+    Part(#[from] PrepareError),
+    /// A part cannot be packed; a fault of this program.
+    #[error("part {part}: {source}")]
+    Encode {
+        /// Index of the part.
+        part: usize,
+        /// What is wrong with it.
+        source: PartError,
+    },
+    /// The tree cannot be written.
+    #[error("the model cannot be written: {0}")]
+    Records(Damage),
+    /// No grid for this model.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// No DAG for this grid.
+    #[error(transparent)]
+    Dag(DagError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Container(#[from] ContainerError),
+    /// The model has no object.
+    #[error("the model has no object: there is nothing to build")]
+    Empty,
+    /// The caller asked to stop.
+    #[error("cancelled; nothing was written")]
+    Cancelled,
+    /// The memory limit was reached.
+    #[error(
+        "the build would hold more than the {limit} bytes of --memory (it was at {used}): \
+         choose a lower --resolution, or allow more"
+    )]
+    Memory {
+        /// As set.
+        limit: u64,
+        /// Resident bytes when it was noticed.
+        used: u64,
+    },
+    /// The system does not tell how much memory is used.
+    #[error("--memory needs a system that tells a program its resident memory (/proc/self/status): leave it out")]
+    MemoryUnknown,
+}
+
+/// Builds a container from a model. The file appears under its name only when it is complete.
+///
+/// The same model and settings give the same bytes, whatever the number of threads.
+pub fn build(
+    model: Model,
+    sources: Vec<Source>,
+    mut findings: Findings,
+    settings: &BuildSettings,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<BuildOutcome, BuildError> {
+    let guard = Guard::new(settings.memory, progress)?;
+    let mut stopwatch = Stopwatch::start();
+    let mut writer = ContainerWriter::create(output)?;
+
+    progress.stage("find equal parts", 0, "");
+    let model = localise(model, &mut findings);
+    stopwatch.lap("localise");
+
+    let (geometry, chunks) = prepare_parts(&model, settings, &mut findings, &mut writer, &guard)?;
+    stopwatch.lap("levels of detail");
+
+    let names: Vec<&str> = model.parts.iter().map(|part| part.name.as_str()).collect();
+    let records =
+        SceneRecords::new(&model.nodes, &model.objects, &names, geometry).map_err(BuildError::Records)?;
+    drop(model);
+    records.write(&mut writer)?;
+    stopwatch.lap("tree");
+
+    let (grid, voxels, statistics) = voxelize_scene(&records, &chunks, settings, &guard)?;
+    stopwatch.lap("voxels");
+
+    let meta = meta(&records, sources, settings, &grid, &voxels, &statistics)?;
+    let report = BuildReport { findings, statistics: report_statistics(&records, &voxels, &statistics) };
+    progress.stage("write", 0, "");
+    write_voxels(&mut writer, &voxels)?;
+    writer.write_json(SectionKind::Meta, &meta)?;
+    writer.write_json(SectionKind::Report, &report)?;
+    guard.check()?;
+    writer.finish()?;
+    stopwatch.lap("write");
+    Ok(BuildOutcome { meta, report, stages: stopwatch.finish() })
+}
+
+/// Levels of detail of all parts, streamed to the file; level 0 stays for the voxels.
+fn prepare_parts(
+    model: &Model,
+    settings: &BuildSettings,
+    findings: &mut Findings,
+    writer: &mut ContainerWriter,
+    guard: &Guard,
+) -> Result<(GeometryRecords, Vec<ChunkGeometry>), BuildError> {
+    guard.progress.stage("levels of detail", model.unique_triangles(), "triangles");
+    let part_settings =
+        PartSettings { max_position_error: settings.max_position_error, lod: settings.lod, ..PartSettings::default() };
+    let mut geometry = GeometryWriter::begin(writer)?;
+    let mut chunks = Vec::new();
+    for (round, parts) in model.parts.chunks(PARTS_PER_ROUND).enumerate() {
+        let prepared: Vec<Result<Prepared, BuildError>> = parts
+            .par_iter()
+            .enumerate()
+            .map(|(i, part)| Prepared::new(round * PARTS_PER_ROUND + i, part, &part_settings, guard))
+            .collect();
+        for part in prepared {
+            let Prepared { encoded, level_0, findings: found } = part?;
+            findings.merge(found);
+            geometry.push(&encoded)?;
+            chunks.extend(level_0);
+        }
+    }
+    Ok((geometry.end()?, chunks))
+}
+
+/// One part, packed, with what the voxelizer needs of it.
+struct Prepared {
+    encoded: EncodedPart,
+    level_0: Vec<ChunkGeometry>,
+    findings: Findings,
+}
+
+impl Prepared {
+    fn new(index: usize, part: &Part, settings: &PartSettings, guard: &Guard) -> Result<Self, BuildError> {
+        guard.check()?;
+        let mut findings = Findings::default();
+        let place = || match part.name.as_str() {
+            "" => format!("part {index}"),
+            name => format!("part {index} \"{name}\""),
+        };
+        let prepared = prepare_part(&part.mesh, settings, &mut findings, &place)?;
+        let encoded = encode_part(&prepared).map_err(|source| BuildError::Encode { part: index, source })?;
+        let step = prepared.step;
+        let level_0 = prepared.chunks.into_iter().filter_map(|chunk| {
+            let mesh = chunk.levels.into_iter().next()?.mesh;
+            Some(ChunkGeometry { offset: chunk.offset, step, mesh })
+        });
+        guard.progress.advance(part.mesh.triangles.len() as u64);
+        Ok(Prepared { encoded, level_0: level_0.collect(), findings })
+    }
+}
+
+fn voxelize_scene(
+    records: &SceneRecords,
+    chunks: &[ChunkGeometry],
+    settings: &BuildSettings,
+    guard: &Guard,
+) -> Result<(Grid, Voxelized, DagStatistics), BuildError> {
+    let bounds = records.bounds().ok_or(BuildError::Empty)?;
+    let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
+    let grid = match settings.resolution {
+        Resolution::Log2(log2) => Grid::around(min, max, log2)?,
+        Resolution::VoxelSize(size) => Grid::with_voxel_size(min, max, size)?,
+    };
+    let placed = records.objects().iter().flat_map(|object| {
+        let part = &records.parts()[object.part as usize];
+        let world_from_part = glam::DAffine3::from_cols_array(&object.world_from_part);
+        (part.first_chunk..part.first_chunk + part.chunk_count).map(move |chunk| (world_from_part, chunk))
+    });
+    guard.progress.stage("voxels", records.counts().placed_triangles, "triangles");
+    let drawables =
+        SceneDrawables { grid, placed: placed.collect(), chunks, progress: guard, stop: &guard.stop };
+    let voxels = voxelize(&grid, &drawables).map_err(|error| match error {
+        DagError::Cancelled => guard.check().err().unwrap_or(BuildError::Cancelled),
+        other => BuildError::Dag(other),
+    })?;
+    // Our own output goes through the same checks as a stranger's file.
+    let dag = &voxels.dag;
+    let (_, statistics) =
+        DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves).map_err(BuildError::Dag)?;
+    Ok((grid, voxels, statistics))
+}
+
+fn write_voxels(writer: &mut ContainerWriter, voxels: &Voxelized) -> Result<(), ContainerError> {
+    writer.write_section(SectionKind::DagNodes, &voxels.dag.words)?;
+    writer.write_section(SectionKind::DagLeaves, &voxels.dag.leaves)?;
+    writer.write_section(SectionKind::DagCounts, &voxels.dag.counts)?;
+    writer.write_section(SectionKind::OwnerRuns, &voxels.owners.runs)?;
+    writer.write_section(SectionKind::OwnerLists, &voxels.owners.lists)
+}
+
+fn meta(
+    records: &SceneRecords,
+    sources: Vec<Source>,
+    settings: &BuildSettings,
+    grid: &Grid,
+    voxels: &Voxelized,
+    statistics: &DagStatistics,
+) -> Result<Meta, BuildError> {
+    Ok(Meta {
+        generator: Generator::this(),
+        sources,
+        settings: Settings {
+            resolution: grid.side(),
+            lod: settings.lod,
+            max_position_error: settings.max_position_error,
+            unit: settings.unit.clone(),
+            metres_per_unit: settings.metres_per_unit,
+            up: settings.up,
+        },
+        bounds: records.bounds().ok_or(BuildError::Empty)?,
+        grid: GridMeta { origin: grid.origin.into(), voxel_size: grid.voxel_size, log2: grid.log2 },
+        dag: DagMeta {
+            root: voxels.dag.shape.root,
+            height_ends: voxels.dag.shape.height_ends.clone(),
+            brick_count: statistics.bricks,
+            voxel_count: statistics.voxels,
+        },
+        counts: records.counts(),
+    })
+}
+
+fn report_statistics(
+    records: &SceneRecords,
+    voxels: &Voxelized,
+    statistics: &DagStatistics,
+) -> serde_json::Map<String, serde_json::Value> {
+    let owner_bytes = 4 * voxels.owners.runs.len() as u64 + 8 * voxels.owners.lists.len() as u64;
+    let largest_step = records.parts().iter().flat_map(|part| part.step).fold(0.0f32, f32::max);
+    [
+        ("dag_nodes", json!(statistics.nodes)),
+        ("dag_distinct_leaves", json!(statistics.distinct_leaves)),
+        ("dag_traversal_bytes", json!(statistics.traversal_bytes)),
+        ("dag_count_bytes", json!(statistics.count_bytes)),
+        ("dag_bits_per_voxel", json!(8.0 * statistics.traversal_bytes as f64 / statistics.voxels.max(1) as f64)),
+        ("owner_bytes", json!(owner_bytes)),
+        ("largest_quantization_step", json!(largest_step)),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into_iter()
+    .collect()
+}
+
+/// Watches for cancellation and the memory limit.
+struct Guard<'a> {
+    limit: Option<u64>,
+    progress: &'a dyn Progress,
+    /// Set when the memory limit was reached.
+    stop: AtomicBool,
+}
+
+impl<'a> Guard<'a> {
+    fn new(limit: Option<u64>, progress: &'a dyn Progress) -> Result<Self, BuildError> {
+        if limit.is_some() && resident_bytes().is_none() {
+            return Err(BuildError::MemoryUnknown);
+        }
+        Ok(Guard { limit, progress, stop: AtomicBool::new(false) })
+    }
+
+    fn check(&self) -> Result<(), BuildError> {
+        if self.progress.is_cancelled() {
+            return Err(BuildError::Cancelled);
+        }
+        match (self.limit, resident_bytes()) {
+            (Some(limit), Some(used)) if used > limit => Err(BuildError::Memory { limit, used }),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Progress for Guard<'_> {
+    fn stage(&self, name: &str, total: u64, unit: &str) {
+        self.progress.stage(name, total, unit);
+    }
+
+    fn advance(&self, count: u64) {
+        self.progress.advance(count);
+        if self.limit.is_some_and(|limit| resident_bytes().is_some_and(|used| used > limit)) {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
+}
