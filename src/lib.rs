@@ -4,7 +4,7 @@
 //!
 //! [`import`] reads files into a [`model::Model`] (parts, objects, assembly tree); [`sample`] makes one instead.
 //! [`prepare`] turns it into levels of detail, quantized chunks and a voxel DAG with owners, and writes a
-//! [`container`].
+//! [`container`]. [`scene`] is an opened container as the runtime sees it.
 //!
 //! # Conventions
 //!
@@ -20,3 +20,4 @@ pub mod prepare;
 pub mod progress;
 pub mod report;
 pub mod sample;
+pub mod scene;
