@@ -4,7 +4,7 @@
 //!
 //! [`import`] reads files into a [`model::Model`] (parts, objects, assembly tree); [`sample`] makes one instead.
 //! [`prepare`] turns it into levels of detail, quantized chunks and a voxel DAG with owners, and writes a
-//! [`container`].
+//! [`container`]. [`scene`] is an opened container as the runtime sees it.
 //!
 //! # Conventions
 //!
@@ -17,6 +17,7 @@ pub mod container;
 pub mod exact;
 pub mod geometry;
 pub mod import;
+pub mod loaded;
 pub mod model;
 pub mod prepare;
 pub mod progress;
@@ -24,4 +25,5 @@ pub mod ray;
 pub mod render;
 pub mod report;
 pub mod sample;
+pub mod scene;
 pub mod visibility;

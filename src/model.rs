@@ -107,9 +107,14 @@ impl Model {
         let mut at = Some(node);
         while let Some(id) = at {
             let node = &self.nodes[id as usize];
-            names.push(node.name.replace('\\', "\\\\").replace('/', "\\/"));
+            names.push(path_segment(&node.name));
             at = node.parent;
         }
         names.iter().rev().fold(String::new(), |path, name| path + "/" + name)
     }
+}
+
+/// A node's name as it stands in a path: `/` is written `\/`, `\` as `\\`.
+pub fn path_segment(name: &str) -> String {
+    name.replace('\\', "\\\\").replace('/', "\\/")
 }

@@ -3,12 +3,16 @@
 //! ```text
 //! byte 0    Header           64 bytes: magic, version, section count, file length, checksum of header + table
 //! byte 64   SectionEntry[n]  32 bytes each: kind, offset, length, checksum (XXH3-64 of the section's bytes)
-//!           padding          zero bytes up to a multiple of 64
-//!           section          each starts at a multiple of 64, in the order of the table, zero padding between
+//!           section          each starts at a multiple of 64, zero bytes fill the gaps, the last one ends the file
 //! ```
 //!
-//! Every kind stands exactly once. Records are plain old data; their sizes are asserted below. Spaces: *world* is
-//! model space in f64; *part* is a part's own space, whose origin is the low corner of the part's box.
+//! The table names every [`SectionKind`] exactly once, in the order of [`SectionKind::ALL`]. The sections themselves
+//! may lie in any order (the writer streams the geometry first, while it is made), but they tile the file: each
+//! starts at the first multiple of 64 after the one before it. So no byte of a file is without meaning, and `verify`
+//! finds any single one that changed.
+//!
+//! Records are plain old data; their sizes are asserted below; reserved fields are 0. Spaces: *world* is model space
+//! in f64; *part* is a part's own space, whose origin is the low corner of the part's box.
 //!
 //! A vertex is stored as three u16 `q` and decoded as `(chunk.offset + q) * part.step`. Steps are powers of two and
 //! `offset + q` stays below 2^24, so that the decoded f32 is exact: the same bits on every CPU and GPU, with or
@@ -16,12 +20,27 @@
 
 use bytemuck::{Pod, Zeroable};
 
+#[cfg(target_endian = "big")]
+compile_error!("a container is mapped into memory as it is, little endian; this platform is big endian");
+
 /// First eight bytes of every container.
 pub const MAGIC: [u8; 8] = *b"VOXSIGHT";
 /// Version written and read by this code. Any other is refused.
 pub const VERSION: u32 = 1;
-/// Sections and geometry pages start at multiples of this many bytes from the start of the file.
+/// Sections start at multiples of this many bytes from the start of the file. Geometry pages are not aligned: they
+/// are decoded, never read in place, and half a cache line lost per page would be a byte a triangle for small parts.
 pub const SECTION_ALIGNMENT: u64 = 64;
+/// Most triangles of one level of a chunk.
+pub const MAX_LEVEL_TRIANGLES: u32 = 65_536;
+/// Quantized coordinates `offset + q` stay below this, so that every one is an exact f32.
+pub const MAX_COORDINATE: i32 = 1 << 24;
+/// Smallest quantization step: a normal f32, so that no decoded coordinate is ever flushed to zero.
+pub const MIN_STEP: f32 = f32::MIN_POSITIVE;
+/// Largest quantization step, 2^103: the largest coordinate times this is still finite.
+pub const MAX_STEP: f32 = 1.014_120_5e31;
+/// Most drawables of a scene. The runtime keeps 8 bytes for each, and a small damaged file must not ask for more
+/// memory than a big model needs: 2^27 drawables are a gigabyte.
+pub const MAX_DRAWABLES: u32 = 1 << 27;
 /// "No such thing" in an index field.
 pub const NONE: u32 = u32::MAX;
 
@@ -43,7 +62,7 @@ pub enum SectionKind {
     Chunks = 6,
     /// [`LevelRecord`]s.
     Levels = 7,
-    /// Encoded vertices and indices, one page a level.
+    /// Encoded vertices and indices, one page a level, without gaps, in the order of the levels.
     Geometry = 8,
     /// u32 words of the DAG's nodes (`voxsight_voxel::dag`).
     DagNodes = 9,
@@ -98,7 +117,29 @@ impl SectionKind {
             SectionKind::Report => "report",
         }
     }
+
+    /// Bytes of one record; 1 for sections that are text or pages.
+    pub fn record_size(self) -> usize {
+        match self {
+            SectionKind::Meta | SectionKind::Strings | SectionKind::Geometry | SectionKind::Report => 1,
+            SectionKind::Nodes => size_of::<NodeRecord>(),
+            SectionKind::Parts => size_of::<PartRecord>(),
+            SectionKind::Objects => size_of::<ObjectRecord>(),
+            SectionKind::Chunks => size_of::<ChunkRecord>(),
+            SectionKind::Levels => size_of::<LevelRecord>(),
+            SectionKind::DagNodes | SectionKind::DagCounts | SectionKind::OwnerRuns => size_of::<u32>(),
+            SectionKind::DagLeaves | SectionKind::OwnerLists => size_of::<u64>(),
+        }
+    }
+
+    /// Place in [`SectionKind::ALL`] and in the section table.
+    pub fn index(self) -> usize {
+        self as usize - 1
+    }
 }
+
+/// Bytes of the header and the section table; the first section starts here. A multiple of [`SECTION_ALIGNMENT`].
+pub const TABLE_END: u64 = (size_of::<Header>() + SectionKind::ALL.len() * size_of::<SectionEntry>()) as u64;
 
 /// Start of the file.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -135,7 +176,7 @@ pub struct SectionEntry {
 }
 
 /// A piece of the strings section, in bytes, on character borders.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct StringRef {
     /// From the start of the section.
@@ -144,7 +185,7 @@ pub struct StringRef {
     pub length: u32,
 }
 
-/// A node of the assembly tree, in depth-first pre-order.
+/// A node of the assembly tree, in depth-first pre-order: a subtree is a range of nodes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct NodeRecord {
@@ -174,7 +215,7 @@ pub struct PartRecord {
     pub chunk_count: u32,
     /// Quantization step per axis in part space, a power of two.
     pub step: [f32; 3],
-    /// Low corner of the decoded level 0, part space.
+    /// Low corner of the decoded level 0, part space: exactly the least coordinates of its vertices, not negative.
     pub min: [f32; 3],
     /// High corner of the decoded level 0, part space.
     pub max: [f32; 3],
@@ -182,7 +223,8 @@ pub struct PartRecord {
     pub triangle_count: u32,
 }
 
-/// An object: one placed occurrence of a part.
+/// An object: one placed occurrence of a part. Objects stand in the order of their nodes, so a subtree is a range of
+/// objects, too.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct ObjectRecord {
@@ -202,7 +244,7 @@ pub struct ObjectRecord {
     pub colour: [u8; 4],
 }
 
-/// A spatial piece of a part.
+/// A spatial piece of a part. The parts' chunks follow each other without gaps.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct ChunkRecord {
@@ -216,13 +258,14 @@ pub struct ChunkRecord {
     pub reserved: u32,
 }
 
-/// One level of detail of a chunk, and where its page lies.
+/// One level of detail of a chunk, and where its page lies. The chunks' levels follow each other without gaps.
 ///
-/// A page is `vertex_bytes` of encoded vertices, then `index_bytes` of encoded indices.
+/// A page is `vertex_bytes` of encoded vertices, then `index_bytes` of encoded indices. What it decodes to is told in
+/// [`super::page`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct LevelRecord {
-    /// From the start of the geometry section.
+    /// From the start of the geometry section: the end of the page before.
     pub page_offset: u64,
     /// XXH3-64 of the page.
     pub checksum: u64,
@@ -230,11 +273,12 @@ pub struct LevelRecord {
     pub vertex_bytes: u32,
     /// Bytes of the encoded indices.
     pub index_bytes: u32,
-    /// Vertices.
+    /// Vertices, at least 1, at most 3 a triangle.
     pub vertex_count: u32,
-    /// Triangles.
+    /// Triangles, at least 1, at most [`MAX_LEVEL_TRIANGLES`] and never more than the finer level has.
     pub triangle_count: u32,
-    /// Geometric error in part units: how far this level may be from level 0. Never below the finer level's.
+    /// Geometric error in part units: how far this level may be from level 0. 0 for level 0, finite, never below the
+    /// finer level's.
     pub error: f32,
     /// [`Encoding`] of the vertices, [`Encoding`] of the indices.
     pub encodings: [u8; 2],
@@ -253,6 +297,17 @@ pub enum Encoding {
     Meshopt = 1,
 }
 
+impl Encoding {
+    /// The encoding that this number stands for.
+    pub fn from_byte(byte: u8) -> Option<Self> {
+        match byte {
+            0 => Some(Encoding::Raw),
+            1 => Some(Encoding::Meshopt),
+            _ => None,
+        }
+    }
+}
+
 const _: () = {
     assert!(size_of::<Header>() == 64);
     assert!(size_of::<SectionEntry>() == 32);
@@ -261,4 +316,6 @@ const _: () = {
     assert!(size_of::<ObjectRecord>() == 160);
     assert!(size_of::<ChunkRecord>() == 24);
     assert!(size_of::<LevelRecord>() == 40);
+    assert!(TABLE_END.is_multiple_of(SECTION_ALIGNMENT));
+    assert!(MAX_STEP.to_bits() == (127 + 103) << 23);
 };
