@@ -13,6 +13,8 @@
 //! counter-clockwise seen from outside. Colours are sRGB, 8 bits. Files are little endian.
 
 pub mod camera;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod container;
 pub mod exact;
 pub mod geometry;

@@ -16,8 +16,8 @@ use super::resources::{StageCost, Stopwatch, resident_bytes};
 use super::voxels::{ChunkGeometry, SceneDrawables};
 use crate::container::layout::SectionKind;
 use crate::container::{
-    Axis, BuildReport, ContainerError, ContainerWriter, Damage, DagMeta, EncodedPart, Generator, GeometryRecords,
-    GeometryWriter, GridMeta, Meta, PartError, SceneRecords, Settings, Source, encode_part,
+    Axis, BuildReport, ContainerError, ContainerWriter, DagMeta, Damage, EncodedPart, Generator,
+    GeometryRecords, GeometryWriter, GridMeta, Meta, PartError, SceneRecords, Settings, Source, encode_part,
 };
 use crate::model::{Model, Part};
 use crate::progress::Progress;
@@ -123,7 +123,9 @@ pub enum BuildError {
         used: u64,
     },
     /// The system does not tell how much memory is used.
-    #[error("--memory needs a system that tells a program its resident memory (/proc/self/status): leave it out")]
+    #[error(
+        "--memory needs a system that tells a program its resident memory (/proc/self/status): leave it out"
+    )]
     MemoryUnknown,
 }
 
@@ -180,8 +182,11 @@ fn prepare_parts(
     guard: &Guard,
 ) -> Result<(GeometryRecords, Vec<ChunkGeometry>), BuildError> {
     guard.progress.stage("levels of detail", model.unique_triangles(), "triangles");
-    let part_settings =
-        PartSettings { max_position_error: settings.max_position_error, lod: settings.lod, ..PartSettings::default() };
+    let part_settings = PartSettings {
+        max_position_error: settings.max_position_error,
+        lod: settings.lod,
+        ..PartSettings::default()
+    };
     let mut geometry = GeometryWriter::begin(writer)?;
     let mut chunks = Vec::new();
     for (round, parts) in model.parts.chunks(PARTS_PER_ROUND).enumerate() {
@@ -309,7 +314,10 @@ fn report_statistics(
         ("dag_distinct_leaves", json!(statistics.distinct_leaves)),
         ("dag_traversal_bytes", json!(statistics.traversal_bytes)),
         ("dag_count_bytes", json!(statistics.count_bytes)),
-        ("dag_bits_per_voxel", json!(8.0 * statistics.traversal_bytes as f64 / statistics.voxels.max(1) as f64)),
+        (
+            "dag_bits_per_voxel",
+            json!(8.0 * statistics.traversal_bytes as f64 / statistics.voxels.max(1) as f64),
+        ),
         ("owner_bytes", json!(owner_bytes)),
         ("largest_quantization_step", json!(largest_step)),
     ]

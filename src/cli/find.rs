@@ -1,0 +1,72 @@
+//! `voxsight find`: objects by name or path.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::Failure;
+use super::output::print_json;
+use crate::container::layout::NONE;
+use crate::scene::Scene;
+
+/// Flags of `find`.
+#[derive(Args)]
+pub struct Find {
+    /// The scene
+    scene: PathBuf,
+    /// Part of a name, upper and lower case alike; with a `/` in it: part of a path
+    text: String,
+    /// Print the matches as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print no more than so many matches
+    #[arg(long, value_name = "N")]
+    limit: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct Match {
+    node: u32,
+    /// The object that the node carries.
+    object: Option<u32>,
+    path: String,
+    name: String,
+    /// Objects at or below the node.
+    objects_below: u32,
+    extras: Option<serde_json::Value>,
+}
+
+impl Find {
+    pub fn run(self) -> Result<(), Failure> {
+        let scene = Scene::open(&self.scene)?;
+        let matches = scene.find(&self.text).take(self.limit.unwrap_or(usize::MAX)).map(|node| {
+            let record = &scene.nodes()[node as usize];
+            let below = scene.subtree_objects(node);
+            Match {
+                node,
+                object: (record.object != NONE).then_some(record.object),
+                path: scene.node_path(node),
+                name: scene.name(record.name).to_owned(),
+                objects_below: below.end - below.start,
+                extras: serde_json::from_str(scene.name(record.extras)).ok(),
+            }
+        });
+        if self.json {
+            return print_json(&matches.collect::<Vec<_>>());
+        }
+        let mut found = 0u64;
+        for found_node in matches {
+            let what = match found_node.object {
+                Some(object) => format!("object {object}"),
+                None => format!("{} objects", found_node.objects_below),
+            };
+            println!("{}\t{what}", found_node.path);
+            found += 1;
+        }
+        if found == 0 {
+            return Err(format!("nothing in {} matches \"{}\"", self.scene.display(), self.text).into());
+        }
+        Ok(())
+    }
+}

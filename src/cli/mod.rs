@@ -1,0 +1,89 @@
+//! The command line: one file for each command, with its flags, help and work together.
+
+mod build;
+mod demo;
+mod find;
+mod generate;
+mod info;
+mod numbers;
+mod output;
+mod progress;
+mod render;
+mod verify;
+mod visible;
+
+use std::error::Error;
+
+use clap::{Args, Parser, Subcommand};
+
+use progress::TerminalProgress;
+
+/// What a command fails with: any error, printed with its causes.
+type Failure = Box<dyn Error + Send + Sync>;
+
+/// Voxel-assisted visibility and level of detail for CAD models too big to render.
+#[derive(Parser)]
+#[command(name = "voxsight", version, about, max_term_width = 100)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    global: Global,
+}
+
+/// Options of every command.
+#[derive(Args)]
+struct Global {
+    /// Threads to use; all cores if left out
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+    /// Print results only: no progress, no remarks
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Builds a sample plant and shows what voxsight does with it
+    Demo(demo::Demo),
+    /// Makes models for tests
+    #[command(subcommand)]
+    Generate(generate::Generate),
+    /// Turns models into a scene (.vxs)
+    Build(build::Build),
+    /// Tells what a scene holds
+    Info(info::Info),
+    /// Checks a scene to the last byte
+    Verify(verify::Verify),
+    /// Finds objects by name or path
+    Find(find::Find),
+    /// Asks what a camera sees
+    Visible(visible::Visible),
+    /// Renders a picture
+    Render(render::Render),
+}
+
+impl Cli {
+    /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// Whatever stopped it, to be printed with its causes.
+    pub fn run(self) -> Result<(), Failure> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.global.threads.unwrap_or(0));
+        pool.build_global().map_err(|error| format!("cannot start threads: {error}"))?;
+        let progress = TerminalProgress::new(self.global.quiet)?;
+        let result = match self.command {
+            Command::Demo(command) => command.run(&progress),
+            Command::Generate(command) => command.run(&progress),
+            Command::Build(command) => command.run(&progress),
+            Command::Info(command) => command.run(),
+            Command::Verify(command) => command.run(&progress),
+            Command::Find(command) => command.run(),
+            Command::Visible(command) => command.run(&progress),
+            Command::Render(command) => command.run(&progress),
+        };
+        progress.finish();
+        result
+    }
+}

@@ -1,0 +1,138 @@
+//! `voxsight render`: a picture, object ids, or depth.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+
+use super::Failure;
+use super::numbers::{parse_rays, parse_size, parse_vector};
+use super::output::{read_camera, write_png};
+use super::progress::TerminalProgress;
+use crate::camera::Camera;
+use crate::container::Axis;
+use crate::loaded::LoadedScene;
+use crate::progress::Progress;
+use crate::render::{Light, RenderSettings, Shadows, render, render_depth, render_ids};
+use crate::scene::Scene;
+
+/// Flags of `render`.
+#[derive(Args)]
+pub struct Render {
+    /// The scene
+    scene: PathBuf,
+    /// Camera file (JSON); without one the camera sees the whole scene from a corner
+    #[arg(long, value_name = "CAM.json")]
+    camera: Option<PathBuf>,
+    /// Image size; the camera's if left out
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    size: Option<(u32, u32)>,
+    /// Where the light comes from
+    #[arg(long, default_value = "sun")]
+    light: LightName,
+    /// Direction towards the sun, world axes; from the upper left by default
+    #[arg(long, value_parser = parse_vector, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    sun: Option<[f64; 3]>,
+    /// How the sun's shadows are found
+    #[arg(long, default_value = "voxel")]
+    shadows: ShadowName,
+    /// Samples per pixel
+    #[arg(long, default_value = "4", value_parser = parse_rays, value_name = "N")]
+    spp: u32,
+    /// Write object ids as colours instead: (id + 1) * 0x9E3779 mod 2^24, red lowest
+    #[arg(long, conflicts_with = "depth")]
+    ids: bool,
+    /// Write depth instead: 16 bits, 0 = nothing, 1 = nearest, 65535 = farthest, linear; the range is printed
+    #[arg(long)]
+    depth: bool,
+    /// The picture to write (PNG)
+    #[arg(long, short, value_name = "OUT.png")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum LightName {
+    Headlight,
+    Sun,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ShadowName {
+    None,
+    Voxel,
+    Exact,
+}
+
+impl Render {
+    pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
+        if !self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+            return Err(format!("{}: pictures are written as PNG: name the file .png", self.output.display()).into());
+        }
+        let scene = Scene::open(&self.scene)?;
+        let mut camera = match &self.camera {
+            Some(path) => read_camera(path)?,
+            None => overview(&scene),
+        };
+        if let Some((width, height)) = self.size {
+            (camera.width, camera.height) = (width, height);
+        }
+        let rays = camera.rays()?;
+        let up = up_vector(scene.meta().settings.up);
+        let loaded = LoadedScene::new(scene, progress)?;
+        progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
+        let done = |pixels| progress.step(pixels);
+        const STOPPED: &str = "stopped; nothing was written";
+        if self.depth {
+            let depth = render_depth(&loaded.picture(), &rays, &done).ok_or(STOPPED)?;
+            progress.finish();
+            println!("depth 1 = {}, 65535 = {} {}", depth.near, depth.far, loaded.scene().meta().settings.unit);
+            return write_png(&self.output, &depth.image);
+        }
+        let image = if self.ids {
+            render_ids(&loaded.picture(), &rays, |d| loaded.scene().drawable_object(d), &done)
+        } else {
+            render(&loaded.picture(), &rays, &self.settings(up), &done)
+        };
+        progress.finish();
+        write_png(&self.output, &image.ok_or(STOPPED)?)
+    }
+
+    fn settings(&self, up: DVec3) -> RenderSettings {
+        RenderSettings {
+            samples_per_pixel: self.spp,
+            light: match self.light {
+                LightName::Headlight => Light::Headlight,
+                LightName::Sun => Light::Sun(self.sun.map_or_else(|| default_sun(up), DVec3::from)),
+            },
+            shadows: match self.shadows {
+                ShadowName::None => Shadows::None,
+                ShadowName::Voxel => Shadows::Voxel,
+                ShadowName::Exact => Shadows::Exact,
+            },
+            up,
+        }
+    }
+}
+
+pub(super) fn up_vector(axis: Axis) -> DVec3 {
+    match axis {
+        Axis::X => DVec3::X,
+        Axis::Y => DVec3::Y,
+        Axis::Z => DVec3::Z,
+    }
+}
+
+/// High up and to the side.
+pub(super) fn default_sun(up: DVec3) -> DVec3 {
+    let side = DVec3::new(up.y, up.z, up.x);
+    up + 0.45 * side + 0.3 * up.cross(side)
+}
+
+/// The whole scene from a corner above.
+pub(super) fn overview(scene: &Scene) -> Camera {
+    let bounds = scene.meta().bounds;
+    let up = up_vector(scene.meta().settings.up);
+    let side = DVec3::new(up.y, up.z, up.x);
+    let from = 0.55 * up + 0.8 * side + 0.6 * up.cross(side);
+    Camera::around(bounds.min.into(), bounds.max.into(), from, up, 1280, 960)
+}

@@ -1,0 +1,37 @@
+//! `voxsight verify`: checks a scene to the last byte.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Failure;
+use super::output::{human_bytes, human_count, print_json};
+use super::progress::TerminalProgress;
+
+/// Flags of `verify`.
+#[derive(Args)]
+pub struct Verify {
+    /// The scene
+    scene: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Verify {
+    pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
+        let report = crate::container::verify(&self.scene, progress)?;
+        progress.finish();
+        if self.json {
+            return print_json(&report);
+        }
+        println!(
+            "{} is sound: {}, {} pages, {} triangles in all levels",
+            self.scene.display(),
+            human_bytes(report.file_bytes),
+            human_count(report.pages),
+            human_count(report.triangles)
+        );
+        Ok(())
+    }
+}
