@@ -17,6 +17,7 @@ pub mod camera;
 pub mod cli;
 pub mod container;
 pub mod exact;
+pub mod export;
 pub mod geometry;
 pub mod import;
 pub mod loaded;

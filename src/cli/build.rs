@@ -6,9 +6,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::Failure;
-use super::numbers::{
-    Length, metres_of_unit, parse_bytes, parse_length, parse_resolution, parse_unit,
-};
+use super::numbers::{Length, metres_of_unit, parse_bytes, parse_length, parse_resolution, parse_unit};
 use super::output::{human_bytes, human_count, print_json, write_json};
 use super::progress::TerminalProgress;
 use crate::container::{Axis, Source};

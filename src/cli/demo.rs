@@ -86,8 +86,11 @@ impl Demo {
     ) -> Result<BuildOutcome, Failure> {
         progress.stage("generate the plant", 0, "");
         let model = plant(plant_settings);
-        let settings =
-            BuildSettings { resolution: Resolution::Log2(self.resolution), up: Axis::Y, ..BuildSettings::default() };
+        let settings = BuildSettings {
+            resolution: Resolution::Log2(self.resolution),
+            up: Axis::Y,
+            ..BuildSettings::default()
+        };
         Ok(build(model, Vec::new(), Findings::default(), &settings, scene_path, progress)?)
     }
 }
@@ -98,11 +101,7 @@ fn camera(view: &SampleCamera) -> Camera {
 }
 
 /// Runs every method on one view, timed, and compares each with the reference.
-fn compare(
-    loaded: &LoadedScene,
-    rays: &CameraRays,
-    progress: &dyn Progress,
-) -> Result<Vec<Row>, Failure> {
+fn compare(loaded: &LoadedScene, rays: &CameraRays, progress: &dyn Progress) -> Result<Vec<Row>, Failure> {
     let scene = loaded.query();
     progress.stage("reference query", 0, "");
     let fine = QuerySettings { rays_per_pixel: REFERENCE_RAYS, ..QuerySettings::default() };
@@ -134,7 +133,12 @@ fn timed(mut ask: impl FnMut() -> VisibleSet) -> (VisibleSet, f64) {
     (answer, times[times.len() / 2])
 }
 
-fn picture(loaded: &LoadedScene, camera: &Camera, path: &Path, progress: &TerminalProgress) -> Result<(), Failure> {
+fn picture(
+    loaded: &LoadedScene,
+    camera: &Camera,
+    path: &Path,
+    progress: &TerminalProgress,
+) -> Result<(), Failure> {
     let settings = RenderSettings {
         samples_per_pixel: 4,
         light: Light::Sun(default_sun(DVec3::Y)),
@@ -160,8 +164,13 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
         human_count(outcome.meta.dag.voxel_count),
         outcome.meta.settings.resolution,
     );
-    println!("What a camera inside it sees, 1 ray per pixel, {} x {} (reference: {REFERENCE_RAYS} exact rays per pixel):", SIZE.0, SIZE.1);
-    println!("method     visible   time        wrongly hidden   of >= 16 px   lost pixels   needlessly drawn");
+    println!(
+        "What a camera inside it sees, 1 ray per pixel, {} x {} (reference: {REFERENCE_RAYS} exact rays per pixel):",
+        SIZE.0, SIZE.1
+    );
+    println!(
+        "method     visible   time        wrongly hidden   of >= 16 px   lost pixels   needlessly drawn"
+    );
     for row in rows {
         let large = row.accuracy.classes.last().map_or(0.0, |class| class.rate());
         println!(
@@ -177,7 +186,9 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
     }
     println!("(what exact itself loses at 1 ray per pixel is the sampling floor)\n");
     let folder = folder.display();
-    println!("In {folder}: plant.vxs, inside.png, overview.png, their cameras, and inside-accuracy.json; {seconds:.1} s in all.");
+    println!(
+        "In {folder}: plant.vxs, inside.png, overview.png, their cameras, and inside-accuracy.json; {seconds:.1} s in all."
+    );
     println!("Next: voxsight find {folder}/plant.vxs pump");
     println!("      voxsight visible {folder}/plant.vxs --camera {folder}/inside.json");
     Ok(())

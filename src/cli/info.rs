@@ -88,7 +88,12 @@ fn print_summary(scene: &Scene) {
     let geometry = container.section_length(SectionKind::Geometry);
     let unit = &meta.settings.unit;
     let size = [0, 1, 2].map(|k| meta.bounds.max[k] - meta.bounds.min[k]);
-    println!("file        {}, written by {} {}", human_bytes(container.file_length()), meta.generator.name, meta.generator.version);
+    println!(
+        "file        {}, written by {} {}",
+        human_bytes(container.file_length()),
+        meta.generator.name,
+        meta.generator.version
+    );
     for source in &meta.sources {
         println!("source      {} ({})", source.name, human_bytes(source.bytes));
     }
@@ -103,7 +108,10 @@ fn print_summary(scene: &Scene) {
         human_count(counts.placed_triangles),
         human_count(counts.unique_triangles)
     );
-    println!("size        {:.6} x {:.6} x {:.6} {unit}, {:?} up", size[0], size[1], size[2], meta.settings.up);
+    println!(
+        "size        {:.6} x {:.6} x {:.6} {unit}, {:?} up",
+        size[0], size[1], size[2], meta.settings.up
+    );
     println!("bounds      {:?} to {:?}", meta.bounds.min, meta.bounds.max);
     println!(
         "geometry    {} in {} levels of {} chunks, {:.2} bytes a stored triangle",
@@ -112,8 +120,10 @@ fn print_summary(scene: &Scene) {
         human_count(counts.chunks),
         geometry as f64 / counts.unique_triangles.max(1) as f64
     );
-    let dag_bytes = container.section_length(SectionKind::DagNodes) + container.section_length(SectionKind::DagLeaves);
-    let owners = container.section_length(SectionKind::OwnerRuns) + container.section_length(SectionKind::OwnerLists);
+    let dag_bytes =
+        container.section_length(SectionKind::DagNodes) + container.section_length(SectionKind::DagLeaves);
+    let owners =
+        container.section_length(SectionKind::OwnerRuns) + container.section_length(SectionKind::OwnerLists);
     println!(
         "voxels      {}^3 of {:.6} {unit}: {} occupied in {} bricks",
         meta.settings.resolution,

@@ -101,13 +101,18 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
 
 /// log2 of the voxels a side: a power of two from 64 to 131072, with or without k (= 1024).
 pub fn parse_resolution(text: &str) -> Result<u32, String> {
-    let wrong = || format!("expected a power of two from 64 to 131072 (such as 4096 or 8k), found \"{text}\"");
+    let wrong =
+        || format!("expected a power of two from 64 to 131072 (such as 4096 or 8k), found \"{text}\"");
     let (digits, scale) = match text.trim().strip_suffix(['k', 'K']) {
         Some(digits) => (digits, 1024u32),
         None => (text.trim(), 1),
     };
     let side = digits.parse::<u32>().ok().and_then(|n| n.checked_mul(scale)).ok_or_else(wrong)?;
-    if side.is_power_of_two() && (64..=131_072).contains(&side) { Ok(side.trailing_zeros()) } else { Err(wrong()) }
+    if side.is_power_of_two() && (64..=131_072).contains(&side) {
+        Ok(side.trailing_zeros())
+    } else {
+        Err(wrong())
+    }
 }
 
 /// Rays or samples per pixel: 1 to 65,536.

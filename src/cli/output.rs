@@ -58,7 +58,8 @@ where
 pub fn read_camera(path: &Path) -> Result<Camera, Failure> {
     const EXAMPLE: &str =
         r#"{"eye":[x,y,z],"target":[x,y,z],"up":[x,y,z],"fov_y_deg":60,"width":1024,"height":1024}"#;
-    let text = fs::read_to_string(path).map_err(|error| format!("{}: cannot read: {error}", path.display()))?;
+    let text =
+        fs::read_to_string(path).map_err(|error| format!("{}: cannot read: {error}", path.display()))?;
     serde_json::from_str(&text)
         .map_err(|error| format!("{}: {error}; expected a camera such as {EXAMPLE}", path.display()).into())
 }

@@ -40,14 +40,6 @@ impl TerminalProgress {
         Ok(TerminalProgress { quiet, is_terminal, cancelled, current: Mutex::new(None) })
     }
 
-    /// A remark on stderr; nothing when quiet.
-    pub fn say(&self, line: &str) {
-        if !self.quiet {
-            self.finish();
-            eprintln!("{line}");
-        }
-    }
-
     /// Ends the stage on display.
     pub fn finish(&self) {
         if let Some(stage) = self.lock().take() {
@@ -77,7 +69,8 @@ impl Progress for TerminalProgress {
         } else if total == 0 {
             ProgressBar::new_spinner().with_message(name.to_owned())
         } else {
-            let template = format!("{{msg:24}} [{{bar:30}}] {{human_pos}} of {{human_len}} {unit}, {{eta}} left");
+            let template =
+                format!("{{msg:24}} [{{bar:30}}] {{human_pos}} of {{human_len}} {unit}, {{eta}} left");
             let bar = ProgressBar::new(total).with_message(name.to_owned());
             match ProgressStyle::with_template(&template) {
                 Ok(style) => bar.with_style(style.progress_chars("=> ")),

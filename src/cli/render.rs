@@ -66,7 +66,11 @@ enum ShadowName {
 impl Render {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         if !self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-            return Err(format!("{}: pictures are written as PNG: name the file .png", self.output.display()).into());
+            return Err(format!(
+                "{}: pictures are written as PNG: name the file .png",
+                self.output.display()
+            )
+            .into());
         }
         let scene = Scene::open(&self.scene)?;
         let mut camera = match &self.camera {
@@ -85,7 +89,12 @@ impl Render {
         if self.depth {
             let depth = render_depth(&loaded.picture(), &rays, &done).ok_or(STOPPED)?;
             progress.finish();
-            println!("depth 1 = {}, 65535 = {} {}", depth.near, depth.far, loaded.scene().meta().settings.unit);
+            println!(
+                "depth 1 = {}, 65535 = {} {}",
+                depth.near,
+                depth.far,
+                loaded.scene().meta().settings.unit
+            );
             return write_png(&self.output, &depth.image);
         }
         let image = if self.ids {

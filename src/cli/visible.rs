@@ -73,7 +73,8 @@ impl Visible {
         let rays = camera.rays()?;
         let loaded = LoadedScene::new(Scene::open(&self.scene)?, progress)?;
         let method = Method::from(self.method);
-        let settings = QuerySettings { rays_per_pixel: self.rays_per_pixel, accept_below_px: self.accept_below };
+        let settings =
+            QuerySettings { rays_per_pixel: self.rays_per_pixel, accept_below_px: self.accept_below };
 
         progress.stage("query", 0, "");
         let started = Instant::now();

@@ -86,6 +86,8 @@ pub struct SourceFile {
     pub bytes: u64,
     /// What it was read as.
     pub format: Format,
+    /// XXH3-64 of the file itself.
+    pub xxh3: u64,
 }
 
 /// What was imported.
@@ -204,7 +206,8 @@ fn read(
     }
     let size = bytes.len() as u64;
     progress.advance(size);
-    let source = SourceFile { name: name.clone(), bytes: size + draft.referred_bytes, format };
+    let xxh3 = xxhash_rust::xxh3::xxh3_64(&bytes);
+    let source = SourceFile { name: name.clone(), bytes: size + draft.referred_bytes, format, xxh3 };
     Ok(Some(ReadFile { source, draft }))
 }
 
