@@ -24,7 +24,7 @@ use crate::scene::Scene;
 use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query};
 
 /// Image size of the demo's cameras.
-const SIZE: (u32, u32) = (1280, 800);
+const SIZE: (u32, u32) = (1024, 640);
 /// Rays per pixel of the reference.
 const REFERENCE_RAYS: u32 = 16;
 /// Times each query is run; the median counts.

@@ -10,6 +10,9 @@ use super::intersect::{PartRay, intersect};
 use super::{ClippedRay, WIDEN, build, widened};
 use crate::ray::Ray;
 
+/// Triangles are tested in f64: smaller leaves than a hierarchy of f32 triangles would have.
+const TRIANGLES_PER_LEAF: u32 = 3;
+
 /// Decoded level-0 triangles of a chunk, part space.
 #[derive(Clone, Debug, Default)]
 pub struct ChunkMesh {
@@ -21,9 +24,8 @@ pub struct ChunkMesh {
 
 /// A chunk ready for rays.
 pub struct ChunkBvh {
-    positions: Vec<Vec3>,
-    /// In the order of the hierarchy's leaves.
-    triangles: Vec<[u32; 3]>,
+    /// Corners, in the order of the hierarchy's leaves: a leaf reads one run of memory.
+    triangles: Vec<[Vec3; 3]>,
     bvh: Bvh2,
     centre: DVec3,
     min: DVec3,
@@ -47,10 +49,11 @@ impl ChunkBvh {
                 widened(a.min(b).min(c) - centre - slack, a.max(b).max(c) - centre + slack)
             })
             .collect();
-        let mut bvh = build(&boxes);
-        let triangles = bvh.primitive_indices.iter().map(|&i| mesh.triangles[i as usize]).collect();
+        let mut bvh = build(&boxes, TRIANGLES_PER_LEAF);
+        let in_order = |&i: &u32| mesh.triangles[i as usize].map(|corner| mesh.positions[corner as usize]);
+        let triangles = bvh.primitive_indices.iter().map(in_order).collect();
         bvh.primitive_indices = Vec::new();
-        ChunkBvh { positions: mesh.positions, triangles, bvh, centre, min: min - slack, max: max + slack }
+        ChunkBvh { triangles, bvh, centre, min: min - slack, max: max + slack }
     }
 
     /// Low and high corner, part space, a little widened.
@@ -66,7 +69,7 @@ impl ChunkBvh {
     /// Corners of a triangle, part space.
     #[inline]
     pub fn triangle(&self, index: u32) -> [DVec3; 3] {
-        self.triangles[index as usize].map(|corner| self.positions[corner as usize].as_dvec3())
+        self.triangles[index as usize].map(|corner| corner.as_dvec3())
     }
 
     /// The nearest hit between `t_min` and `t_max`, both included: its parameter and triangle. Of several at one

@@ -24,6 +24,9 @@ use crate::ray::Ray;
 /// origin, and obvhs' replacement of small direction components by 2^-23, are off by less than 2^-21 of it.
 const WIDEN: f64 = 1.0 / (1 << 19) as f64;
 
+/// An instance costs two transforms and a clip before its own hierarchy is entered: each gets a box of its own.
+const INSTANCES_PER_LEAF: u32 = 1;
+
 /// A placed chunk.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
@@ -81,7 +84,7 @@ impl ExactScene {
         let slack = DVec3::splat((max - min).max_element() * WIDEN);
         let aabbs: Vec<Aabb> =
             boxes.iter().map(|(low, high)| widened(*low - centre - slack, *high - centre + slack)).collect();
-        let top = build(&aabbs);
+        let top = build(&aabbs, INSTANCES_PER_LEAF);
         let instances = instances
             .iter()
             .map(|instance| Placed {
@@ -229,7 +232,9 @@ impl ClippedRay {
                     return None;
                 }
             } else {
-                let (a, b) = ((min[k] - origin[k]) / direction[k], (max[k] - origin[k]) / direction[k]);
+                // One reciprocal: what it rounds off is far below the widening of the box.
+                let inverse = direction[k].recip();
+                let (a, b) = ((min[k] - origin[k]) * inverse, (max[k] - origin[k]) * inverse);
                 t_in = t_in.max(a.min(b));
                 t_out = t_out.min(a.max(b));
             }
@@ -260,8 +265,10 @@ fn widened(min: DVec3, max: DVec3) -> Aabb {
     )
 }
 
-fn build(boxes: &[Aabb]) -> Bvh2 {
-    build_bvh2(boxes, BvhBuildParams::medium_build(), &mut std::time::Duration::default())
+/// Builds a hierarchy with at most so many boxes a leaf.
+fn build(boxes: &[Aabb], max_prims_per_leaf: u32) -> Bvh2 {
+    let params = BvhBuildParams { max_prims_per_leaf, ..BvhBuildParams::medium_build() };
+    build_bvh2(boxes, params, &mut std::time::Duration::default())
 }
 
 /// Box of a transformed box.

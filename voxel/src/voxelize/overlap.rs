@@ -20,16 +20,26 @@ use crate::grid::SUBVOXELS;
 /// Widening of each box, in snapping steps.
 const WIDEN: i64 = 1;
 const STEPS: i64 = SUBVOXELS as i64;
+const SHIFT: u32 = STEPS.trailing_zeros();
 
 /// The two coordinates that stay when axis 0, 1, 2 (x, y, z) is projected away.
 const KEPT_AXES: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
 
-/// One separating axis within a coordinate plane: the normal of a projected edge, and the triangle's interval on it.
+/// One separating axis within a coordinate plane: the normal of a projected edge, and the interval of the triangle on it.
 #[derive(Clone, Copy, Default)]
 struct EdgeAxis {
     normal: [i64; 2],
     low: i64,
     high: i64,
+}
+
+impl EdgeAxis {
+    /// Bounds of the value at a box's low corner for which a box of `size` overlaps the triangle's interval.
+    #[inline]
+    fn bounds(&self, size: i64) -> (i64, i64) {
+        let [na, nb] = self.normal;
+        (self.low - (na.max(0) + nb.max(0)) * size, self.high - (na.min(0) + nb.min(0)) * size)
+    }
 }
 
 /// A snapped triangle, set up for overlap tests.
@@ -86,11 +96,9 @@ impl TriangleOverlap {
         }
         for (plane, (a, b)) in KEPT_AXES.into_iter().enumerate() {
             for axis in &self.edge_axes[plane] {
-                let [na, nb] = axis.normal;
-                let at_low = na * low[a] + nb * low[b];
-                if at_low + (na.max(0) + nb.max(0)) * size < axis.low
-                    || at_low + (na.min(0) + nb.min(0)) * size > axis.high
-                {
+                let at_low = axis.normal[0] * low[a] + axis.normal[1] * low[b];
+                let (at_least, at_most) = axis.bounds(size);
+                if at_low < at_least || at_low > at_most {
                     return false;
                 }
             }
@@ -110,13 +118,14 @@ impl TriangleOverlap {
         // Voxels whose extent along an axis meets the triangle's.
         let (mut from, mut to) = ([0usize; 3], [0usize; 3]);
         for k in 0..3 {
-            let touches = |i: &usize| {
-                let cell = low[k] + (*i as i64) * STEPS;
-                cell <= self.max[k] && cell + size >= self.min[k]
-            };
-            let Some(first) = (0..4).find(touches) else { return 0 };
-            from[k] = first;
-            to[k] = (first..4).rev().find(touches).map_or(first, |last| last) + 1;
+            // Voxel i spans low + i STEPS to low + i STEPS + size.
+            let first = (self.min[k] - low[k] - size + STEPS - 1) >> SHIFT;
+            let last = (self.max[k] - low[k]) >> SHIFT;
+            if last < 0 || first > 3 {
+                return 0;
+            }
+            from[k] = first.max(0) as usize;
+            to[k] = last.min(3) as usize + 1;
         }
         if from[0] + 1 == to[0]
             && from[1] + 1 == to[1]
@@ -126,12 +135,15 @@ impl TriangleOverlap {
             return 1 << (from[0] + 4 * from[1] + 16 * from[2]);
         }
 
-        let mut mask = spread_yz(self.plane_mask(0, low, size, from, to));
-        mask &= spread_xz(self.plane_mask(1, low, size, from, to));
-        mask &= spread_xy(self.plane_mask(2, low, size, from, to));
+        let mut mask = spread_yz(self.columns(0, low, size, from, to));
         if mask == 0 {
             return 0;
         }
+        mask &= spread_xz(self.columns(1, low, size, from, to));
+        if mask == 0 {
+            return 0;
+        }
+        mask &= spread_xy(self.columns(2, low, size, from, to));
 
         // Plane of the triangle: value at a voxel's low corner = base + steps; overlap when
         // -sum(max(n, 0)) size <= value <= -sum(min(n, 0)) size. Bounds saturate, steps stay below 2^63.
@@ -164,28 +176,36 @@ impl TriangleOverlap {
     }
 
     /// 2D test of the 4x4 columns along axis `plane`: bit a + 4 b over the two kept coordinates.
-    fn plane_mask(&self, plane: usize, low: [i64; 3], size: i64, from: [usize; 3], to: [usize; 3]) -> u16 {
+    #[inline]
+    fn columns(&self, plane: usize, low: [i64; 3], size: i64, from: [usize; 3], to: [usize; 3]) -> u16 {
         let (a, b) = KEPT_AXES[plane];
-        let mut mask = 0u16;
-        for j in from[b]..to[b] {
-            for i in from[a]..to[a] {
-                mask |= 1 << (i + 4 * j);
-            }
-        }
+        let span = |k: usize| (1u16 << to[k]) - (1u16 << from[k]);
+        let mut mask = span(a) * 0x1111 & rows(span(b));
         for axis in &self.edge_axes[plane] {
             let [na, nb] = axis.normal;
-            let at_least = axis.low - (na.max(0) + nb.max(0)) * size;
-            let at_most = axis.high - (na.min(0) + nb.min(0)) * size;
             let base = na * low[a] + nb * low[b];
+            let (at_least, at_most) = axis.bounds(size);
+            // Bounds of the steps from the brick's low corner to a column's.
+            let (at_least, at_most) = (at_least - base, at_most - base);
             let (step_a, step_b) = (na * STEPS, nb * STEPS);
-            let mut pass = 0u16;
-            for j in from[b]..to[b] {
-                for i in from[a]..to[a] {
-                    let value = base + i as i64 * step_a + j as i64 * step_b;
-                    pass |= u16::from(value >= at_least && value <= at_most) << (i + 4 * j);
-                }
+            let least = 3 * (step_a.min(0) + step_b.min(0));
+            let most = 3 * (step_a.max(0) + step_b.max(0));
+            if at_least > most || at_most < least {
+                return 0;
             }
-            mask &= pass;
+            if at_least <= least && at_most >= most {
+                continue;
+            }
+            mask &= if most - least <= i64::from(i32::MAX) {
+                // Steps fit in 32 bits, so that bounds may saturate there: four columns at a time.
+                let narrow = |v: i64| v.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+                columns_between(step_a as i32, step_b as i32, narrow(at_least), narrow(at_most))
+            } else {
+                columns_between_wide(step_a, step_b, at_least, at_most)
+            };
+            if mask == 0 {
+                return 0;
+            }
         }
         mask
     }
@@ -194,6 +214,41 @@ impl TriangleOverlap {
     fn plane_at(&self, point: [i64; 3]) -> i128 {
         (0..3).map(|k| i128::from(self.normal[k]) * i128::from(point[k] - self.first[k])).sum()
     }
+}
+
+/// Columns (i, j) with `at_least <= i step_a + j step_b <= at_most`: bit i + 4 j.
+#[inline]
+fn columns_between(step_a: i32, step_b: i32, at_least: i32, at_most: i32) -> u16 {
+    let mut row = [0, step_a, 2 * step_a, 3 * step_a];
+    let mut mask = 0;
+    for j in 0..4 {
+        let mut bits = 0;
+        for (i, value) in row.iter().enumerate() {
+            bits |= u16::from(*value >= at_least && *value <= at_most) << i;
+        }
+        mask |= bits << (4 * j);
+        if j < 3 {
+            row = row.map(|value| value + step_b);
+        }
+    }
+    mask
+}
+
+/// The same for triangles longer than about 2,700 voxels.
+fn columns_between_wide(step_a: i64, step_b: i64, at_least: i64, at_most: i64) -> u16 {
+    let inside = |bit: &i64| {
+        let value = (bit & 3) * step_a + (bit >> 2) * step_b;
+        value >= at_least && value <= at_most
+    };
+    (0..16).filter(inside).fold(0, |mask, bit| mask | 1 << bit)
+}
+
+/// Row bits to whole rows of four columns.
+#[inline]
+fn rows(bits: u16) -> u16 {
+    // Bits 0, 1, 2, 3 to bits 0, 4, 8, 12.
+    let spread = (bits & 1) | (bits & 2) << 3 | (bits & 4) << 6 | (bits & 8) << 9;
+    spread * 0xf
 }
 
 /// Columns along z (bit x + 4 y) to voxels.
