@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::Failure;
 use super::numbers::{Length, metres_of_unit, parse_bytes, parse_length, parse_resolution, parse_unit};
-use super::output::{human_bytes, human_count, print_json, write_json};
+use super::output::{human_bytes, human_count, print_json, print_out, write_json};
 use super::progress::TerminalProgress;
 use crate::container::{Axis, Source};
 use crate::import::{ImportOptions, Imported, UpAxis, import};
@@ -79,8 +79,7 @@ impl Build {
         if self.json {
             return print_json(&report);
         }
-        print_summary(&outcome, started.elapsed().as_secs_f64(), &self.output);
-        Ok(())
+        print_summary(&outcome, started.elapsed().as_secs_f64(), &self.output)
     }
 
     fn settings(&self, imported: &Imported) -> BuildSettings {
@@ -124,12 +123,12 @@ fn report(outcome: &BuildOutcome, import_seconds: f64, output: &Path) -> Result<
     }))
 }
 
-fn print_summary(outcome: &BuildOutcome, seconds: f64, output: &Path) {
+fn print_summary(outcome: &BuildOutcome, seconds: f64, output: &Path) -> Result<(), Failure> {
     let counts = &outcome.meta.counts;
     for (what, finding) in &outcome.report.findings.0 {
-        println!("{} {what} (first: {})", human_count(finding.count), finding.first);
+        print_out!("{} {what} (first: {})", human_count(finding.count), finding.first)?;
     }
-    println!(
+    print_out!(
         "{}: {} objects, {} triangles placed ({} stored), {} voxels at {}^3",
         output.display(),
         human_count(counts.objects),
@@ -137,12 +136,12 @@ fn print_summary(outcome: &BuildOutcome, seconds: f64, output: &Path) {
         human_count(counts.unique_triangles),
         human_count(outcome.meta.dag.voxel_count),
         outcome.meta.settings.resolution
-    );
+    )?;
     let peak = outcome.stages.iter().filter_map(|stage| stage.peak_bytes).max();
-    println!(
+    print_out!(
         "{:.2} s, {:.2} M triangles/s{}",
         seconds,
         counts.placed_triangles as f64 / seconds / 1e6,
         peak.map(|bytes| format!(", peak memory {}", human_bytes(bytes))).unwrap_or_default()
-    );
+    )
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::Failure;
 use super::numbers::parse_resolution;
-use super::output::{human_bytes, human_count, write_json, write_png};
+use super::output::{human_bytes, human_count, print_out, write_json, write_png};
 use super::progress::TerminalProgress;
 use super::render::default_sun;
 use crate::camera::{Camera, CameraRays};
@@ -154,7 +154,7 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
     let counts = &outcome.meta.counts;
     let scene_bytes = std::fs::metadata(folder.join("plant.vxs"))?.len();
     let build_seconds: f64 = outcome.stages.iter().map(|stage| stage.seconds).sum();
-    println!(
+    print_out!(
         "A plant of {} objects and {} triangles ({} stored once), built in {build_seconds:.1} s:\n\
          {}, {} voxels at {}^3.\n",
         human_count(counts.objects),
@@ -163,17 +163,18 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
         human_bytes(scene_bytes),
         human_count(outcome.meta.dag.voxel_count),
         outcome.meta.settings.resolution,
-    );
-    println!(
+    )?;
+    print_out!(
         "What a camera inside it sees, 1 ray per pixel, {} x {} (reference: {REFERENCE_RAYS} exact rays per pixel):",
-        SIZE.0, SIZE.1
-    );
-    println!(
+        SIZE.0,
+        SIZE.1
+    )?;
+    print_out!(
         "method     visible   time        wrongly hidden   of >= 16 px   lost pixels   needlessly drawn"
-    );
+    )?;
     for row in rows {
         let large = row.accuracy.classes.last().map_or(0.0, |class| class.rate());
-        println!(
+        print_out!(
             "{:<9} {:>8} {:>8.1} ms {:>15.2} % {:>11.2} % {:>11.4} % {:>16.2} %",
             format!("{:?}", row.method).to_lowercase(),
             human_count(row.visible as u64),
@@ -182,14 +183,14 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
             100.0 * large,
             100.0 * row.accuracy.lost_pixels,
             100.0 * row.accuracy.needlessly_drawn_rate(),
-        );
+        )?;
     }
-    println!("(what exact itself loses at 1 ray per pixel is the sampling floor)\n");
+    print_out!("(what exact itself loses at 1 ray per pixel is the sampling floor)\n")?;
     let folder = folder.display();
-    println!(
+    print_out!(
         "In {folder}: plant.vxs, inside.png, overview.png, their cameras, and inside-accuracy.json; {seconds:.1} s in all."
-    );
-    println!("Next: voxsight find {folder}/plant.vxs pump");
-    println!("      voxsight visible {folder}/plant.vxs --camera {folder}/inside.json");
+    )?;
+    print_out!("Next: voxsight find {folder}/plant.vxs pump")?;
+    print_out!("      voxsight visible {folder}/plant.vxs --camera {folder}/inside.json")?;
     Ok(())
 }

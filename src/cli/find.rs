@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::Failure;
-use super::output::print_json;
+use super::output::{print_json, print_out};
 use crate::container::layout::NONE;
 use crate::scene::Scene;
 
@@ -61,7 +61,7 @@ impl Find {
                 Some(object) => format!("object {object}"),
                 None => format!("{} objects", found_node.objects_below),
             };
-            println!("{}\t{what}", found_node.path);
+            print_out!("{}\t{what}", found_node.path)?;
             found += 1;
         }
         if found == 0 {

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 
 use super::Failure;
 use super::numbers::parse_count;
-use super::output::{human_bytes, human_count};
+use super::output::{human_bytes, human_count, print_out};
 use super::progress::TerminalProgress;
 use crate::import::{ImportOptions, import};
 use crate::sample::{CopiesSettings, PlantSettings, WriteSummary, write_copies, write_plant};
@@ -66,17 +66,16 @@ impl Generate {
             }
         };
         progress.finish();
-        print_summary(&summary);
-        Ok(())
+        print_summary(&summary)
     }
 }
 
-fn print_summary(summary: &WriteSummary) {
-    println!(
+fn print_summary(summary: &WriteSummary) -> Result<(), Failure> {
+    print_out!(
         "{} files, {}: {} objects, {} triangles",
         human_count(summary.files.len() as u64),
         human_bytes(summary.bytes),
         human_count(summary.objects),
         human_count(summary.triangles)
-    );
+    )
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::Failure;
-use super::output::{human_bytes, human_count, print_json};
+use super::output::{human_bytes, human_count, print_json, print_out};
 use crate::container::layout::{NONE, SectionKind};
 use crate::scene::Scene;
 
@@ -28,8 +28,8 @@ impl Info {
         let scene = Scene::open(&self.scene)?;
         match (self.json, self.tree) {
             (true, _) => print_json(&as_json(&scene, self.tree))?,
-            (false, true) => print_tree(&scene),
-            (false, false) => print_summary(&scene),
+            (false, true) => print_tree(&scene)?,
+            (false, false) => print_summary(&scene)?,
         }
         Ok(())
     }
@@ -68,7 +68,7 @@ fn as_json(scene: &Scene, tree: bool) -> serde_json::Value {
     value
 }
 
-fn print_tree(scene: &Scene) {
+fn print_tree(scene: &Scene) -> Result<(), Failure> {
     // Open ancestors: the end of each one's subtree.
     let mut open: Vec<u32> = Vec::new();
     for (id, node) in scene.nodes().iter().enumerate() {
@@ -76,72 +76,77 @@ fn print_tree(scene: &Scene) {
             open.pop();
         }
         let mark = if node.object == NONE { "" } else { " *" };
-        println!("{:indent$}{}{mark}", "", scene.name(node.name), indent = 2 * open.len());
+        print_out!("{:indent$}{}{mark}", "", scene.name(node.name), indent = 2 * open.len())?;
         open.push(node.subtree_end);
     }
+    Ok(())
 }
 
-fn print_summary(scene: &Scene) {
+fn print_summary(scene: &Scene) -> Result<(), Failure> {
     let meta = scene.meta();
     let counts = &meta.counts;
     let container = scene.container();
     let geometry = container.section_length(SectionKind::Geometry);
     let unit = &meta.settings.unit;
     let size = [0, 1, 2].map(|k| meta.bounds.max[k] - meta.bounds.min[k]);
-    println!(
+    print_out!(
         "file        {}, written by {} {}",
         human_bytes(container.file_length()),
         meta.generator.name,
         meta.generator.version
-    );
+    )?;
     for source in &meta.sources {
-        println!("source      {} ({})", source.name, human_bytes(source.bytes));
+        print_out!("source      {} ({})", source.name, human_bytes(source.bytes))?;
     }
-    println!(
+    print_out!(
         "model       {} objects, {} parts, {} tree nodes",
         human_count(counts.objects),
         human_count(counts.parts),
         human_count(counts.nodes)
-    );
-    println!(
+    )?;
+    print_out!(
         "triangles   {} placed, {} stored",
         human_count(counts.placed_triangles),
         human_count(counts.unique_triangles)
-    );
-    println!(
+    )?;
+    print_out!(
         "size        {:.6} x {:.6} x {:.6} {unit}, {:?} up",
-        size[0], size[1], size[2], meta.settings.up
-    );
-    println!("bounds      {:?} to {:?}", meta.bounds.min, meta.bounds.max);
-    println!(
+        size[0],
+        size[1],
+        size[2],
+        meta.settings.up
+    )?;
+    print_out!("bounds      {:?} to {:?}", meta.bounds.min, meta.bounds.max)?;
+    print_out!(
         "geometry    {} in {} levels of {} chunks, {:.2} bytes a stored triangle",
         human_bytes(geometry),
         human_count(counts.levels),
         human_count(counts.chunks),
         geometry as f64 / counts.unique_triangles.max(1) as f64
-    );
+    )?;
     let dag_bytes =
         container.section_length(SectionKind::DagNodes) + container.section_length(SectionKind::DagLeaves);
     let owners =
         container.section_length(SectionKind::OwnerRuns) + container.section_length(SectionKind::OwnerLists);
-    println!(
+    print_out!(
         "voxels      {}^3 of {:.6} {unit}: {} occupied in {} bricks",
         meta.settings.resolution,
         meta.grid.voxel_size,
         human_count(meta.dag.voxel_count),
         human_count(meta.dag.brick_count)
-    );
-    println!(
+    )?;
+    print_out!(
         "dag         {} ({:.3} bits a voxel), owners {} ({:.2} bytes a brick)",
         human_bytes(dag_bytes),
         8.0 * dag_bytes as f64 / meta.dag.voxel_count.max(1) as f64,
         human_bytes(owners),
         owners as f64 / meta.dag.brick_count.max(1) as f64
-    );
+    )?;
     if scene.report().findings.0.is_empty() {
-        println!("repairs     none");
+        print_out!("repairs     none")?;
     }
     for (what, finding) in &scene.report().findings.0 {
-        println!("repairs     {} {what} (first: {})", human_count(finding.count), finding.first);
+        print_out!("repairs     {} {what} (first: {})", human_count(finding.count), finding.first)?;
     }
+    Ok(())
 }

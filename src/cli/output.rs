@@ -9,10 +9,24 @@ use serde::Serialize;
 use super::Failure;
 use crate::camera::Camera;
 
+/// Prints a line on stdout. Ends the program quietly when nobody reads any more (`voxsight info | head`), as other
+/// commands do; any other trouble is an error.
+pub fn print_line(line: std::fmt::Arguments) -> Result<(), Failure> {
+    match writeln!(std::io::stdout(), "{line}") {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        other => Ok(other?),
+    }
+}
+
+/// `println!` that returns errors instead of panicking.
+macro_rules! print_out {
+    ($($text:tt)*) => { $crate::cli::output::print_line(format_args!($($text)*)) };
+}
+pub(super) use print_out;
+
 /// Prints a value as JSON on stdout.
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    println!("{}", serde_json::to_string_pretty(value)?);
-    Ok(())
+    print_out!("{}", serde_json::to_string_pretty(value)?)
 }
 
 /// Writes a file so that it appears under its name only when complete; `-` is stdout.

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::Failure;
 use super::numbers::{parse_rays, parse_size, parse_vector};
-use super::output::{read_camera, write_png};
+use super::output::{print_out, read_camera, write_png};
 use super::progress::TerminalProgress;
 use crate::camera::Camera;
 use crate::container::Axis;
@@ -89,12 +89,12 @@ impl Render {
         if self.depth {
             let depth = render_depth(&loaded.picture(), &rays, &done).ok_or(STOPPED)?;
             progress.finish();
-            println!(
+            print_out!(
                 "depth 1 = {}, 65535 = {} {}",
                 depth.near,
                 depth.far,
                 loaded.scene().meta().settings.unit
-            );
+            )?;
             return write_png(&self.output, &depth.image);
         }
         let image = if self.ids {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Failure;
-use super::output::{human_bytes, human_count, print_json};
+use super::output::{human_bytes, human_count, print_json, print_out};
 use super::progress::TerminalProgress;
 
 /// Flags of `verify`.
@@ -25,13 +25,13 @@ impl Verify {
         if self.json {
             return print_json(&report);
         }
-        println!(
+        print_out!(
             "{} is sound: {}, {} pages, {} triangles in all levels",
             self.scene.display(),
             human_bytes(report.file_bytes),
             human_count(report.pages),
             human_count(report.triangles)
-        );
+        )?;
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::Failure;
 use super::numbers::parse_rays;
-use super::output::{human_count, read_camera, write_json};
+use super::output::{human_count, print_out, read_camera, write_json};
 use super::progress::TerminalProgress;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
@@ -113,21 +113,21 @@ impl Visible {
                 return Ok(());
             }
         }
-        println!(
+        print_out!(
             "{} of {} objects visible, {} rays in {elapsed_ms:.1} ms",
             human_count(objects.len() as u64),
             human_count(scene.objects().len() as u64),
             human_count(answer.rays),
-        );
+        )?;
         if let Some(checked) = &checked {
-            print_accuracy(checked);
+            print_accuracy(checked)?;
         }
         if self.json.is_none() {
             for &(object, samples) in objects.iter().take(PRINTED_OBJECTS) {
-                println!("{samples:>9}  {}", scene.node_path(scene.objects()[object as usize].node));
+                print_out!("{samples:>9}  {}", scene.node_path(scene.objects()[object as usize].node))?;
             }
             if objects.len() > PRINTED_OBJECTS {
-                println!("... and {} more; --json FILE writes them all", objects.len() - PRINTED_OBJECTS);
+                print_out!("... and {} more; --json FILE writes them all", objects.len() - PRINTED_OBJECTS)?;
             }
         }
         Ok(())
@@ -152,28 +152,28 @@ fn sorted_objects(scene: &Scene, answer: &VisibleSet) -> Vec<(u32, u64)> {
     objects
 }
 
-pub(super) fn print_accuracy(checked: &Accuracy) {
-    println!(
+pub(super) fn print_accuracy(checked: &Accuracy) -> Result<(), Failure> {
+    print_out!(
         "wrongly hidden    {:.3} % of drawables ({} of {}), lost pixels {:.4} %",
         100.0 * checked.wrongly_hidden_rate(),
         human_count(checked.wrongly_hidden),
         human_count(checked.reference),
         100.0 * checked.lost_pixels
-    );
+    )?;
     for class in &checked.classes {
-        println!(
+        print_out!(
             "  of at least {:>2} px {:.3} % ({} of {})",
             class.at_least_px,
             100.0 * class.rate(),
             human_count(class.wrongly_hidden),
             human_count(class.reference)
-        );
+        )?;
     }
-    println!(
+    print_out!(
         "needlessly drawn  {:.3} % of drawables ({} of {}), {} triangles",
         100.0 * checked.needlessly_drawn_rate(),
         human_count(checked.needlessly_drawn),
         human_count(checked.answer),
         human_count(checked.needless_triangles)
-    );
+    )
 }

@@ -56,9 +56,10 @@ impl GridRay {
         let t_base = t_in;
         let base = (self.origin + t_base * direction).clamp(DVec3::ZERO, DVec3::splat(side));
         let start = [0, 1, 2].map(|k| {
-            let c = base[k].floor();
+            // Not negative, so that truncation is the floor.
+            let c = base[k] as i32;
             // On a plane and going down: the ray's first voxel is the one below.
-            if c == base[k] && direction[k] < 0.0 { c as i32 - 1 } else { c as i32 }
+            if f64::from(c) == base[k] && direction[k] < 0.0 { c - 1 } else { c }
         });
         let inverse = direction.map(|d| if d == 0.0 { 0.0 } else { d.recip() });
         Some(Walk { base, direction, inverse, start, t_start: 0.0, t_end: t_out - t_base, t_base, scale })
@@ -84,7 +85,7 @@ impl Walk {
     }
 
     /// The axis and the parameter at which the ray leaves a cell of `size` voxels.
-    #[inline]
+    #[inline(always)]
     pub fn exit(&self, low: [i32; 3], size: i32) -> (usize, f64) {
         let at = |k: usize| {
             if self.direction[k] == 0.0 {
@@ -104,7 +105,7 @@ impl Walk {
     }
 
     /// The voxel entered at `t` when leaving the cell (low, size) across its plane along `axis`, coming from `before`.
-    #[inline]
+    #[inline(always)]
     pub fn voxel_after(&self, t: f64, axis: usize, before: [i32; 3], low: [i32; 3], size: i32) -> [i32; 3] {
         let mut voxel = [0; 3];
         for k in 0..3 {
@@ -113,7 +114,8 @@ impl Walk {
                 if rises { low[k] + size } else { low[k] - 1 }
             } else {
                 // Within the cell that it leaves, and never back: rounding moves it by far less than 2^-10 voxel.
-                let c = (self.base[k] + t * self.direction[k]).floor() as i32;
+                // Truncation is the floor here: what is below 0 is clamped anyway.
+                let c = (self.base[k] + t * self.direction[k]) as i32;
                 if rises { c.clamp(before[k], low[k] + size - 1) } else { c.clamp(low[k], before[k]) }
             };
         }

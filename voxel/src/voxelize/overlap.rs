@@ -180,7 +180,7 @@ impl TriangleOverlap {
     fn columns(&self, plane: usize, low: [i64; 3], size: i64, from: [usize; 3], to: [usize; 3]) -> u16 {
         let (a, b) = KEPT_AXES[plane];
         let span = |k: usize| (1u16 << to[k]) - (1u16 << from[k]);
-        let mut mask = span(a) * 0x1111 & rows(span(b));
+        let mut mask = (span(a) * 0x1111) & rows(span(b));
         for axis in &self.edge_axes[plane] {
             let [na, nb] = axis.normal;
             let base = na * low[a] + nb * low[b];

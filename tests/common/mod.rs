@@ -1,0 +1,194 @@
+//! What several test files share: models, scenes, and a ray caster that shares nothing with the library's.
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests; each uses its own part"
+)]
+
+use std::path::{Path, PathBuf};
+
+use glam::{DAffine3, DVec3};
+use voxsight::import::{ImportOptions, import};
+use voxsight::loaded::LoadedScene;
+use voxsight::model::{Colour, Mesh, Model, Node, Object, Part};
+use voxsight::prepare::{BuildSettings, Resolution, build};
+use voxsight::progress::Silent;
+use voxsight::report::Findings;
+use voxsight::scene::Scene;
+
+/// The folder of real models; says so when there is none.
+pub fn models_folder() -> Option<PathBuf> {
+    let folder = std::env::var_os("VOXSIGHT_MODELS")
+        .map(PathBuf::from)
+        .unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/models"));
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("SKIPPED: no real models in {} (set VOXSIGHT_MODELS)", folder.display());
+    None
+}
+
+/// All model files below the folder, sorted.
+pub fn model_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+            if path.is_dir() {
+                open.push(path);
+            } else if ["glb", "gltf", "obj", "ply", "stl"].contains(&extension.as_str()) {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// Imports a file and builds it into `output`.
+pub fn build_file(file: &Path, log2: u32, output: &Path) {
+    let imported = import(&[file.to_owned()], &ImportOptions::default(), &Silent).unwrap();
+    build_model(imported.model, log2, output);
+}
+
+/// Builds a model into `output`.
+pub fn build_model(model: Model, log2: u32, output: &Path) {
+    let settings = BuildSettings { resolution: Resolution::Log2(log2), ..BuildSettings::default() };
+    build(model, Vec::new(), Findings::default(), &settings, output, &Silent).unwrap();
+}
+
+/// Opens a built scene for queries.
+pub fn load(path: &Path) -> LoadedScene {
+    LoadedScene::new(Scene::open(path).unwrap(), &Silent).unwrap()
+}
+
+/// A model of `count` objects: boxes, tetrahedra and sheets, placed, turned, stretched, some mirrored, some
+/// transparent, around a far-off centre.
+pub fn random_model(seed: u64, count: u32, centre: DVec3) -> Model {
+    let mut random = oorandom::Rand64::new(seed.into());
+    let mut unit = || DVec3::new(random.rand_float(), random.rand_float(), random.rand_float());
+    let shapes = [cuboid(), tetrahedron(), sheet(12)];
+    let mut model = Model::default();
+    for (i, mesh) in shapes.into_iter().enumerate() {
+        model.parts.push(Part { name: format!("shape {i}"), mesh });
+    }
+    for i in 0..count {
+        let (at, angles, scale) = (unit() * 20.0, unit() * 6.3, unit() * 2.5 + DVec3::splat(0.05));
+        let mirror = if i % 5 == 0 { DVec3::new(-1.0, 1.0, 1.0) } else { DVec3::ONE };
+        let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, angles.x, angles.y, angles.z);
+        model.nodes.push(Node { name: format!("object {i}"), ..Node::default() });
+        model.objects.push(Object {
+            node: i,
+            part: i % 3,
+            world_from_part: DAffine3::from_scale_rotation_translation(scale * mirror, turn, centre + at),
+            colour: Colour([(i * 37) as u8, (i * 91) as u8, 128, if i % 7 == 3 { 90 } else { 255 }]),
+        });
+    }
+    model
+}
+
+fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Mesh {
+    Mesh { positions: positions.iter().map(|&p| p.into()).collect(), triangles: triangles.to_vec() }
+}
+
+/// The box from -1 to 1.
+pub fn cuboid() -> Mesh {
+    let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 1 { 1.0 } else { -1.0 });
+    let corners: Vec<[f64; 3]> = (0..8).map(corner).collect();
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles: Vec<[u32; 3]> =
+        faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).collect();
+    mesh(&corners, &triangles)
+}
+
+fn tetrahedron() -> Mesh {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 1.3, 0.1], [0.3, 0.3, 0.9]];
+    mesh(&corners, &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+}
+
+/// A wavy sheet of n x n cells.
+pub fn sheet(n: u32) -> Mesh {
+    let at = |i: u32, j: u32| {
+        let (x, y) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
+        [x, y, 0.1 * (7.0 * x).sin() * (5.0 * y).cos()]
+    };
+    let positions: Vec<[f64; 3]> = (0..=n).flat_map(|j| (0..=n).map(move |i| at(i, j))).collect();
+    let id = |i: u32, j: u32| j * (n + 1) + i;
+    let cell = |i: u32, j: u32| {
+        [[id(i, j), id(i + 1, j), id(i + 1, j + 1)], [id(i, j), id(i + 1, j + 1), id(i, j + 1)]]
+    };
+    let triangles: Vec<[u32; 3]> = (0..n).flat_map(|j| (0..n).flat_map(move |i| cell(i, j))).collect();
+    mesh(&positions, &triangles)
+}
+
+/// All triangles of a scene in world space, with their drawables: for [`brute_force`].
+pub struct FlatScene {
+    triangles: Vec<(u32, [DVec3; 3])>,
+    transparent: Vec<bool>,
+    /// Bounding sphere of each drawable and the range of its triangles.
+    spheres: Vec<(DVec3, f64, std::ops::Range<usize>)>,
+}
+
+impl FlatScene {
+    pub fn new(scene: &Scene) -> Self {
+        let (mut triangles, mut transparent, mut spheres) = (Vec::new(), Vec::new(), Vec::new());
+        for (id, drawable) in scene.drawables().iter().enumerate() {
+            let level = scene.chunks()[drawable.chunk as usize].first_level;
+            let mesh = scene.level_mesh(level).unwrap();
+            let to_world = scene.world_from_part(drawable.object);
+            let positions: Vec<DVec3> = scene
+                .level_positions(level, &mesh)
+                .iter()
+                .map(|p| to_world.transform_point3(p.as_dvec3()))
+                .collect();
+            let start = triangles.len();
+            triangles.extend(mesh.triangles.iter().map(|t| (id as u32, t.map(|v| positions[v as usize]))));
+            let centre = positions.iter().sum::<DVec3>() / positions.len() as f64;
+            let radius = positions.iter().map(|p| p.distance(centre)).fold(0.0, f64::max) * (1.0 + 1e-9);
+            spheres.push((centre, radius, start..triangles.len()));
+            transparent.push(scene.objects()[drawable.object as usize].colour[3] < 255);
+        }
+        FlatScene { triangles, transparent, spheres }
+    }
+
+    /// The opaque drawables that a ray meets, nearest first, with their distances (in units of the direction). Written
+    /// for the tests alone: Möller and Trumbore's test, in world space, no hierarchy but a sphere for each drawable.
+    pub fn brute_force(&self, origin: DVec3, direction: DVec3) -> Vec<(f64, u32)> {
+        let mut hits = Vec::new();
+        for (drawable, (centre, radius, range)) in self.spheres.iter().enumerate() {
+            let along = (*centre - origin).dot(direction) / direction.length_squared();
+            let nearest = origin + direction * along.max(0.0);
+            if self.transparent[drawable] || nearest.distance(*centre) > *radius {
+                continue;
+            }
+            let found = self.triangles[range.clone()].iter();
+            let t = found
+                .filter_map(|(_, t)| moller_trumbore(origin, direction, t))
+                .fold(f64::INFINITY, f64::min);
+            if t.is_finite() {
+                hits.push((t, drawable as u32));
+            }
+        }
+        hits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        hits
+    }
+}
+
+fn moller_trumbore(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<f64> {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let s = origin - *a;
+    let u = s.dot(p) / determinant;
+    let q = s.cross(e1);
+    let v = direction.dot(q) / determinant;
+    let t = e2.dot(q) / determinant;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= 0.0).then_some(t)
+}

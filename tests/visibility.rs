@@ -1,0 +1,188 @@
+//! The queries against a ray caster that shares nothing with them, and against each other.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a failed test panics")]
+
+mod common;
+
+use common::{FlatScene, build_file, build_model, load, model_files, models_folder, random_model};
+use glam::DVec3;
+use voxsight::camera::Camera;
+use voxsight::loaded::LoadedScene;
+use voxsight::scene::Scene;
+use voxsight::visibility::{Method, QuerySettings, VisibleSet, accuracy, query};
+
+/// A hit is a tie when the next object is no farther behind it than this fraction of the distance: coplanar faces.
+const TIE: f64 = 1e-9;
+
+/// Cameras around and inside a box.
+fn cameras(loaded: &LoadedScene, size: (u32, u32)) -> Vec<Camera> {
+    let bounds = loaded.scene().meta().bounds;
+    let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
+    let centre = min + 0.5 * (max - min);
+    let outside = Camera::around(min, max, DVec3::new(0.7, 0.5, 0.9), DVec3::Y, size.0, size.1);
+    let other_side = Camera::around(min, max, DVec3::new(-0.3, 0.2, -0.8), DVec3::Y, size.0, size.1);
+    let near = DVec3::from(outside.eye).lerp(centre, 0.75);
+    let inside = Camera { eye: near.into(), fov_y_deg: 75.0, ..outside };
+    vec![outside, other_side, inside]
+}
+
+fn ask(loaded: &LoadedScene, camera: &Camera, method: Method, rays_per_pixel: u32) -> VisibleSet {
+    let settings = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
+    query(&loaded.query(), &camera.rays().unwrap(), method, &settings)
+}
+
+/// Compares `exact` with brute force at the middle of every pixel; returns (pixels with a hit, ties).
+fn compare_with_brute_force(
+    name: &str,
+    loaded: &LoadedScene,
+    flat: &FlatScene,
+    camera: &Camera,
+) -> (u64, u64) {
+    let rays = camera.rays().unwrap();
+    let (mut hits, mut ties) = (0, 0);
+    for row in 0..camera.height {
+        for column in 0..camera.width {
+            let ray = rays.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
+            let found = loaded.query().exact.closest_through(&ray, |_| {});
+            let expected = flat.brute_force(ray.origin, ray.direction);
+            let place =
+                || format!("{name}, pixel {column} {row}: {found:?}, brute force {:?}", expected.first());
+            match (found, expected.first()) {
+                (None, None) => {}
+                (Some(hit), Some(&(t, drawable))) => {
+                    hits += 1;
+                    let tied = expected.iter().any(|&(other, d)| d == hit.drawable && other - t <= TIE * t);
+                    assert!(tied, "{}", place());
+                    ties += u64::from(drawable != hit.drawable);
+                    assert!((hit.t - t).abs() <= TIE * t, "{}", place());
+                }
+                // A ray through the very edge of a silhouette may miss in one arithmetic and hit in the other.
+                _ => panic!("{}", place()),
+            }
+        }
+    }
+    (hits, ties)
+}
+
+#[test]
+fn exact_agrees_with_brute_force_on_random_scenes_near_and_far_from_the_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    for (seed, centre) in [(1, DVec3::ZERO), (2, DVec3::new(4.3e5, 5.2e6, -80.0)), (3, DVec3::splat(-1e7))] {
+        let path = folder.path().join(format!("{seed}.vxs"));
+        build_model(random_model(seed, 60, centre), 9, &path);
+        let loaded = load(&path);
+        let flat = FlatScene::new(loaded.scene());
+        let mut seen = 0;
+        for camera in cameras(&loaded, (97, 61)) {
+            seen += compare_with_brute_force(&format!("seed {seed}"), &loaded, &flat, &camera).0;
+        }
+        assert!(seen > 2500, "seed {seed}: only {seen} pixels hit anything");
+    }
+}
+
+#[test]
+fn exact_agrees_with_brute_force_on_every_small_real_model() {
+    let Some(models) = models_folder() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut compared = 0;
+    for file in model_files(&models) {
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        let path = folder.path().join("scene.vxs");
+        if std::fs::metadata(&file).unwrap().len() > 3_000_000 || name == "trimesh_featuretype.STL.broken" {
+            continue;
+        }
+        build_file(&file, 8, &path);
+        let loaded = load(&path);
+        if loaded.scene().meta().counts.placed_triangles > 600_000 {
+            continue;
+        }
+        let flat = FlatScene::new(loaded.scene());
+        for camera in cameras(&loaded, (64, 48)) {
+            let (hits, ties) = compare_with_brute_force(&name, &loaded, &flat, &camera);
+            assert!(hits > 0, "{name}: nothing seen");
+            println!("{name}: {hits} pixels, {ties} ties");
+        }
+        compared += 1;
+    }
+    assert!(compared >= 12, "only {compared} models compared");
+}
+
+#[test]
+fn hybrid_finds_what_exact_finds_sample_by_sample() {
+    let folder = tempfile::tempdir().unwrap();
+    for (seed, log2, centre) in
+        [(1, 6, DVec3::ZERO), (2, 9, DVec3::new(4e5, 5e6, 0.0)), (3, 11, DVec3::splat(1e7))]
+    {
+        let path = folder.path().join(format!("{seed}.vxs"));
+        build_model(random_model(seed, 80, centre), log2, &path);
+        let loaded = load(&path);
+        for camera in cameras(&loaded, (160, 120)) {
+            let exact = ask(&loaded, &camera, Method::Exact, 2);
+            let hybrid = ask(&loaded, &camera, Method::Hybrid, 2);
+            assert!(exact.hits > 2000, "seed {seed}: too few hits");
+            assert_eq!(hybrid, exact, "seed {seed}, 2^{log2} voxels");
+        }
+    }
+}
+
+#[test]
+fn voxel_misses_little_and_frustum_misses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    build_model(random_model(5, 100, DVec3::ZERO), 11, &path);
+    let loaded = load(&path);
+    for camera in cameras(&loaded, (200, 150)) {
+        let reference = ask(&loaded, &camera, Method::Exact, 4);
+        let check = |method| accuracy(&reference, &ask(&loaded, &camera, method, 1), 200 * 150, |_| 1);
+        let voxel = check(Method::Voxel);
+        assert!(voxel.lost_pixels < 0.01, "{voxel:?}");
+        let frustum = check(Method::Frustum);
+        assert_eq!((frustum.wrongly_hidden, frustum.lost_pixels), (0, 0.0));
+    }
+}
+
+#[test]
+fn answers_do_not_depend_on_the_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    build_model(random_model(6, 60, DVec3::ZERO), 9, &path);
+    let loaded = load(&path);
+    let camera = cameras(&loaded, (120, 90))[0];
+    for method in [Method::Voxel, Method::Hybrid, Method::Exact, Method::Frustum] {
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| ask(&loaded, &camera, method, 1))
+        };
+        let one = with(1);
+        assert_eq!(one, with(2), "{method:?}");
+        assert_eq!(one, with(7), "{method:?}");
+    }
+}
+
+#[test]
+fn what_is_behind_glass_is_seen_and_so_is_the_glass() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    let mut model = random_model(7, 2, DVec3::ZERO);
+    model.parts.truncate(1);
+    for (object, (z, alpha)) in model.objects.iter_mut().zip([(0.0, 255), (5.0, 80)]) {
+        object.part = 0;
+        object.world_from_part = glam::DAffine3::from_translation(DVec3::new(0.0, 0.0, z));
+        object.colour.0[3] = alpha;
+    }
+    build_model(model, 8, &path);
+    let loaded = load(&path);
+    let camera = Camera {
+        eye: [0.0, 0.0, 20.0],
+        target: [0.0; 3],
+        up: [0.0, 1.0, 0.0],
+        fov_y_deg: 2.0,
+        width: 32,
+        height: 32,
+    };
+    for method in [Method::Voxel, Method::Hybrid, Method::Exact] {
+        let answer = ask(&loaded, &camera, method, 1);
+        assert_eq!(answer.samples, [1024, 1024], "{method:?}");
+    }
+    let scene: &Scene = loaded.scene();
+    assert_eq!(scene.objects().len(), 2);
+}
