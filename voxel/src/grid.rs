@@ -127,7 +127,8 @@ impl Grid {
     #[inline]
     pub fn snap(&self, grid: DVec3) -> [i32; 3] {
         let most = (self.side() as i32) * SUBVOXELS;
-        let at = |c: f64| ((c * f64::from(SUBVOXELS)).round_ties_even() as i32).clamp(0, most);
+        // Truncation rounds to nearest here: what is below 0 is clamped anyway.
+        let at = |c: f64| ((c * f64::from(SUBVOXELS) + 0.5) as i32).clamp(0, most);
         [at(grid.x), at(grid.y), at(grid.z)]
     }
 }
