@@ -4,7 +4,7 @@
 //!
 //! [`import`] reads files into a [`model::Model`] (parts, objects, assembly tree); [`sample`] makes one instead.
 //! [`prepare`] turns it into levels of detail, quantized chunks and a voxel DAG with owners, and writes a
-//! [`container`].
+//! [`container`]. [`export`] writes models for other programs.
 //!
 //! # Conventions
 //!
@@ -13,6 +13,7 @@
 //! counter-clockwise seen from outside. Colours are sRGB, 8 bits. Files are little endian.
 
 pub mod container;
+pub mod export;
 pub mod geometry;
 pub mod import;
 pub mod model;
