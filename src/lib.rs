@@ -2,9 +2,15 @@
 //!
 //! # The map, in the order data flows
 //!
-//! [`import`] reads files into a [`model::Model`] (parts, objects, assembly tree); [`sample`] makes one instead.
-//! [`prepare`] turns it into levels of detail, quantized chunks and a voxel DAG with owners, and writes a
-//! [`container`]. [`scene`] is an opened container as the runtime sees it.
+//! - [`import`] reads files into a [`model::Model`]: parts, objects, assembly tree. [`sample`] makes one from a seed,
+//!   [`export`] writes one for other programs, [`report`] counts what was repaired.
+//! - [`prepare`] turns it into levels of detail ([`geometry`]), quantized chunks and a voxel DAG with owners
+//!   ([`voxsight_voxel`]), and writes a [`container`].
+//! - [`scene`] is an opened container as the runtime sees it; [`loaded`] makes it ready for CPU queries: its triangles
+//!   in hierarchies ([`exact`]) beside its voxels.
+//! - [`camera`] makes [`ray`]s; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
+//!   picture of it.
+//! - [`progress`] is how long work tells where it stands and learns that it should stop.
 //!
 //! # Conventions
 //!
