@@ -93,7 +93,7 @@ pub struct OwnersIndex {
     run_of_span: Vec<u32>,
 }
 
-/// Owners over borrowed arrays. Built by [`OwnersRef::validate`] and [`OwnersRef::new`].
+/// Owners over borrowed arrays, which [`OwnersIndex::validate`] has checked.
 #[derive(Clone, Copy, Debug)]
 pub struct OwnersRef<'a> {
     starts: &'a [u32],
