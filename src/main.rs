@@ -9,10 +9,16 @@ fn main() -> ExitCode {
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            let mut told = error.to_string();
+            eprintln!("error: {told}");
             let mut cause = error.source();
             while let Some(inner) = cause {
-                eprintln!("  because {inner}");
+                // Many errors quote their cause already.
+                let text = inner.to_string();
+                if !told.contains(&text) {
+                    eprintln!("  because {text}");
+                    told = text;
+                }
                 cause = inner.source();
             }
             ExitCode::FAILURE

@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Failure;
-use super::numbers::parse_resolution;
+use super::numbers::{parse_resolution, parse_size};
 use super::output::{human_bytes, human_count, print_out, write_json, write_png};
 use super::progress::TerminalProgress;
 use super::render::default_sun;
@@ -23,8 +23,6 @@ use crate::sample::{PlantSettings, SampleCamera, cameras, plant};
 use crate::scene::Scene;
 use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query};
 
-/// Image size of the demo's cameras.
-const SIZE: (u32, u32) = (1024, 640);
 /// Rays per pixel of the reference.
 const REFERENCE_RAYS: u32 = 16;
 /// Times each query is run; the median counts.
@@ -39,6 +37,9 @@ pub struct Demo {
     /// Voxels along the side of the grid
     #[arg(long, default_value = "4096", value_parser = parse_resolution, value_name = "N")]
     resolution: u32,
+    /// Image size of its cameras
+    #[arg(long, default_value = "1024x640", value_parser = parse_size, value_name = "WxH")]
+    size: (u32, u32),
     /// Another seed is another plant
     #[arg(long, default_value = "1", value_name = "N")]
     seed: u64,
@@ -60,7 +61,7 @@ impl Demo {
         std::fs::create_dir_all(&self.out)
             .map_err(|error| format!("{}: cannot make this folder: {error}", self.out.display()))?;
         let plant_settings = PlantSettings { seed: self.seed, ..PlantSettings::default() };
-        let views = cameras(&plant_settings).map(|view| (view.name, camera(&view)));
+        let views = cameras(&plant_settings).map(|view| (view.name, camera(&view, self.size)));
 
         let scene_path = self.out.join("plant.vxs");
         let outcome = self.build(&plant_settings, &scene_path, progress)?;
@@ -75,7 +76,7 @@ impl Demo {
             picture(&loaded, camera, &self.out.join(format!("{name}.png")), progress)?;
         }
         progress.finish();
-        summary(&outcome, &rows, &self.out, started.elapsed().as_secs_f64())
+        summary(&outcome, &rows, &inside, &self.out, started.elapsed().as_secs_f64())
     }
 
     fn build(
@@ -95,9 +96,9 @@ impl Demo {
     }
 }
 
-fn camera(view: &SampleCamera) -> Camera {
+fn camera(view: &SampleCamera, (width, height): (u32, u32)) -> Camera {
     let SampleCamera { eye, target, up, fov_y_deg, .. } = *view;
-    Camera { eye, target, up, fov_y_deg, width: SIZE.0, height: SIZE.1 }
+    Camera { eye, target, up, fov_y_deg, width, height }
 }
 
 /// Runs every method on one view, timed, and compares each with the reference.
@@ -106,7 +107,8 @@ fn compare(loaded: &LoadedScene, rays: &CameraRays, progress: &dyn Progress) -> 
     progress.stage("reference query", 0, "");
     let fine = QuerySettings { rays_per_pixel: REFERENCE_RAYS, ..QuerySettings::default() };
     let reference = query(&scene, rays, Method::Exact, &fine);
-    let pixels = u64::from(SIZE.0) * u64::from(SIZE.1);
+    let (width, height) = rays.size();
+    let pixels = u64::from(width) * u64::from(height);
     progress.stage("queries", 0, "");
     let mut rows = Vec::new();
     for method in [Method::Frustum, Method::Voxel, Method::Hybrid, Method::Exact] {
@@ -145,12 +147,18 @@ fn picture(
         shadows: Shadows::Voxel,
         up: DVec3::Y,
     };
-    progress.stage("render", u64::from(SIZE.0) * u64::from(SIZE.1), "pixels");
+    progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
     let image = render(&loaded.picture(), &camera.rays()?, &settings, &|pixels| progress.step(pixels));
     write_png(path, &image.ok_or("stopped")?)
 }
 
-fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) -> Result<(), Failure> {
+fn summary(
+    outcome: &BuildOutcome,
+    rows: &[Row],
+    camera: &Camera,
+    folder: &Path,
+    seconds: f64,
+) -> Result<(), Failure> {
     let counts = &outcome.meta.counts;
     let scene_bytes = std::fs::metadata(folder.join("plant.vxs"))?.len();
     let build_seconds: f64 = outcome.stages.iter().map(|stage| stage.seconds).sum();
@@ -166,8 +174,8 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
     )?;
     print_out!(
         "What a camera inside it sees, 1 ray per pixel, {} x {} (reference: {REFERENCE_RAYS} exact rays per pixel):",
-        SIZE.0,
-        SIZE.1
+        camera.width,
+        camera.height
     )?;
     print_out!(
         "method     visible   time        wrongly hidden   of >= 16 px   lost pixels   needlessly drawn"
@@ -188,9 +196,10 @@ fn summary(outcome: &BuildOutcome, rows: &[Row], folder: &Path, seconds: f64) ->
     print_out!("(what exact itself loses at 1 ray per pixel is the sampling floor)\n")?;
     let folder = folder.display();
     print_out!(
-        "In {folder}: plant.vxs, inside.png, overview.png, their cameras, and inside-accuracy.json; {seconds:.1} s in all."
+        "In {folder}: plant.vxs; inside, deck and overview as .png, their cameras as .json; inside-accuracy.json. {seconds:.1} s in all."
     )?;
-    print_out!("Next: voxsight find {folder}/plant.vxs pump")?;
+    print_out!("Next (voxsight stands for `cargo run --release --`):")?;
+    print_out!("      voxsight find {folder}/plant.vxs pump")?;
     print_out!("      voxsight visible {folder}/plant.vxs --camera {folder}/inside.json")?;
     Ok(())
 }
