@@ -66,7 +66,7 @@ fn the_main_job_works_from_the_command_line() {
     assert!(ok(&["info", &scene]).contains("512^3"));
     assert!(ok(&["verify", &scene, "-q"]).contains("is sound"));
 
-    let found = json(&["find", &scene, "bolt", "--json", "--limit", "3"]);
+    let found = json(&["find", &scene, "pAVing", "--json", "--limit", "3"]);
     assert!(found.as_array().is_some_and(|found| !found.is_empty() && found.len() <= 3), "{found}");
 
     let answer = sample.path("answer.json");

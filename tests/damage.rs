@@ -46,9 +46,10 @@ fn containers_of_real_models_survive_50_cuts_and_200_flips_each() {
             let flip = 1u8 << random.rand_range(0..8);
             write_byte(&path, at, bytes[at as usize] ^ flip);
             let place = || format!("{name}, seed {seed}, round {round}: byte {at} ^ {flip:#x}");
-            assert!(verify(&path, &Silent).is_err(), "{} is not found", place());
+            // `verify` begins by opening: what is refused there need not be looked at again.
             if let Ok(container) = Container::open(&path) {
-                // Only geometry is not read at opening: each page decodes or says why not.
+                // Only geometry is not read at opening: one page says why it does not decode.
+                assert!(verify(&path, &Silent).is_err(), "{} is not found", place());
                 let broken =
                     (0..container.levels().len() as u32).filter(|&l| container.decode_level(l).is_err());
                 assert_eq!(broken.count(), 1, "{}", place());

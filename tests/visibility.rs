@@ -12,6 +12,8 @@ use voxsight::visibility::{Method, QuerySettings, VisibleSet, accuracy, query};
 
 /// A hit is a tie when the next object is no farther behind it than this fraction of the distance: coplanar faces.
 const TIE: f64 = 1e-9;
+/// Brute force works on world coordinates, whose rounding shifts a grazing hit: so many units in their last place.
+const WORLD_ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// Cameras around and inside a box.
 fn cameras(loaded: &LoadedScene, size: (u32, u32)) -> Vec<Camera> {
@@ -38,6 +40,9 @@ fn compare_with_brute_force(
     camera: &Camera,
 ) -> (u64, u64) {
     let rays = camera.rays().unwrap();
+    let bounds = loaded.scene().meta().bounds;
+    let farthest = bounds.min.iter().chain(&bounds.max).fold(0.0, |far: f64, c| far.max(c.abs()));
+    let tolerance = |t: f64| TIE * t + WORLD_ROUNDING * farthest;
     let (mut hits, mut ties) = (0, 0);
     for row in 0..camera.height {
         for column in 0..camera.width {
@@ -50,10 +55,11 @@ fn compare_with_brute_force(
                 (None, None) => {}
                 (Some(hit), Some(&(t, drawable))) => {
                     hits += 1;
-                    let tied = expected.iter().any(|&(other, d)| d == hit.drawable && other - t <= TIE * t);
+                    let tied =
+                        expected.iter().any(|&(other, d)| d == hit.drawable && other - t <= tolerance(t));
                     assert!(tied, "{}", place());
                     ties += u64::from(drawable != hit.drawable);
-                    assert!((hit.t - t).abs() <= TIE * t, "{}", place());
+                    assert!((hit.t - t).abs() <= tolerance(t), "{}", place());
                 }
                 // A ray through the very edge of a silhouette may miss in one arithmetic and hit in the other.
                 _ => panic!("{}", place()),
