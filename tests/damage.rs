@@ -13,6 +13,8 @@ use voxsight::progress::Silent;
 
 const CUTS: u32 = 50;
 const FLIPS: u32 = 200;
+/// Flips in the geometry after which all pages are decoded, not only verified.
+const DECODED_FLIPS: u32 = 5;
 
 fn write_byte(path: &Path, at: u64, byte: u8) {
     let mut file = OpenOptions::new().write(true).open(path).unwrap();
@@ -39,6 +41,7 @@ fn containers_of_real_models_survive_50_cuts_and_200_flips_each() {
                 "{name}, seed {seed}, round {round}: cut at {length} is accepted"
             );
         }
+        let mut in_geometry = 0;
         for round in 0..FLIPS {
             // Half of them in the header, the table and the first records, where they hurt most.
             let end = if round % 2 == 0 { bytes.len() as u64 } else { bytes.len().min(4096) as u64 };
@@ -49,10 +52,13 @@ fn containers_of_real_models_survive_50_cuts_and_200_flips_each() {
             // `verify` begins by opening: what is refused there need not be looked at again.
             if let Ok(container) = Container::open(&path) {
                 // Only geometry is not read at opening: one page says why it does not decode.
+                in_geometry += 1;
                 assert!(verify(&path, &Silent).is_err(), "{} is not found", place());
-                let broken =
-                    (0..container.levels().len() as u32).filter(|&l| container.decode_level(l).is_err());
-                assert_eq!(broken.count(), 1, "{}", place());
+                if in_geometry <= DECODED_FLIPS {
+                    let levels = 0..container.levels().len() as u32;
+                    let broken = levels.filter(|&level| container.decode_level(level).is_err()).count();
+                    assert_eq!(broken, 1, "{}", place());
+                }
             }
             write_byte(&path, at, bytes[at as usize]);
         }
