@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::container::ContainerError;
+use crate::container::{ContainerError, Problem};
 use crate::exact::{ChunkMesh, ExactScene, Instance};
 use crate::model::Colour;
 use crate::progress::Progress;
@@ -26,13 +26,16 @@ impl LoadedScene {
     ///
     /// # Errors
     ///
-    /// A geometry page is damaged.
+    /// A geometry page is damaged; cancelled.
     pub fn new(scene: Scene, progress: &dyn Progress) -> Result<Self, ContainerError> {
         progress.stage("load triangles", scene.chunks().len() as u64, "chunks");
         let chunks: Result<Vec<ChunkMesh>, ContainerError> = scene
             .chunks()
             .par_iter()
             .map(|chunk| {
+                if progress.is_cancelled() {
+                    return Err(ContainerError::new(scene.container().path(), Problem::Cancelled));
+                }
                 let mesh = scene.level_mesh(chunk.first_level)?;
                 let positions = scene.level_positions(chunk.first_level, &mesh);
                 progress.advance(1);

@@ -35,6 +35,11 @@ impl Colour {
     }
 }
 
+/// The inverse of the sRGB transfer function: an encoded value in `0..=1` to linear.
+pub fn linear_from_srgb(encoded: f64) -> f64 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
+}
+
 /// A triangle soup with shared vertices, in the part's own space.
 ///
 /// The importer promises: every coordinate is finite, every index is below `positions.len()`.

@@ -165,3 +165,41 @@ fn a_build_killed_at_any_moment_leaves_the_old_file_and_the_next_one_works() {
     assert!(start().wait().unwrap().success());
     verify(&scene, &Silent).unwrap();
 }
+
+#[test]
+fn the_position_error_counts_in_the_models_units_whatever_the_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    for scale in [1e-3, 1.0, 1000.0] {
+        let mut model = random_model(8, 3, DVec3::ZERO);
+        for object in &mut model.objects {
+            object.world_from_part = glam::DAffine3::from_scale(DVec3::splat(scale));
+            // The sheet, of small triangles: a triangle cannot be split.
+            object.part = 0;
+        }
+        model.parts.drain(..2);
+        let wanted = 3e-6 * scale;
+        let settings = BuildSettings {
+            resolution: Resolution::Log2(7),
+            max_position_error: Some(wanted),
+            ..BuildSettings::default()
+        };
+        let outcome = build(model, Vec::new(), Findings::default(), &settings, &path, &Silent).unwrap();
+        let error = outcome.report.statistics["largest_position_error"].as_f64().unwrap();
+        assert!(error <= wanted && error > wanted / 4.0, "scale {scale}: {error} for {wanted}");
+    }
+}
+
+#[test]
+fn an_object_that_is_only_a_point_is_built_and_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    let mut model = random_model(8, 1, DVec3::new(70.0, 3.0, 4e5));
+    model.parts.truncate(1);
+    model.parts[0].mesh.positions.iter_mut().for_each(|p| *p = DVec3::ONE);
+    build_model(model, 7, &path);
+    verify(&path, &Silent).unwrap();
+    let scene = Scene::open(&path).unwrap();
+    assert!(scene.meta().dag.voxel_count >= 1);
+    assert_eq!(scene.find("object 0").count(), 1);
+}

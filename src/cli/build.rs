@@ -11,6 +11,7 @@ use super::output::{human_bytes, human_count, print_json, print_out, write_json}
 use super::progress::TerminalProgress;
 use crate::container::{Axis, Source};
 use crate::import::{ImportOptions, Imported, UpAxis, import};
+use crate::prepare::memory::MemoryGuard;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
 
 /// Flags of `build`.
@@ -28,10 +29,10 @@ pub struct Build {
     /// Side of a voxel instead, such as 2mm, or 0.5 in model units
     #[arg(long, value_parser = parse_length, conflicts_with = "resolution", value_name = "LENGTH")]
     voxel_size: Option<Length>,
-    /// The model's unit where the file does not say: um, mm, cm, dm, m, km, in, ft [default: m]
+    /// The model's unit, whatever the file says: um, mm, cm, dm, m, km, in, ft [default: the file's, or m]
     #[arg(long, value_parser = parse_unit)]
     unit: Option<String>,
-    /// The model's up axis where the file does not say [default: z; glTF: y]
+    /// The model's up axis, whatever the file says [default: the file's (glTF: y), or z]
     #[arg(long)]
     up: Option<Up>,
     /// Largest distance between a coordinate and its stored value, such as 0.1mm
@@ -61,7 +62,10 @@ enum Up {
 impl Build {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         let started = std::time::Instant::now();
-        let imported = import(&self.inputs, &ImportOptions::default(), progress)?;
+        let guard = MemoryGuard::new(self.memory, progress)?;
+        let imported = import(&self.inputs, &ImportOptions::default(), &guard);
+        guard.check()?;
+        let imported = imported?;
         let import_seconds = started.elapsed().as_secs_f64();
         let settings = self.settings(&imported);
         let sources = imported.sources.iter().map(|source| Source {
@@ -85,8 +89,8 @@ impl Build {
     fn settings(&self, imported: &Imported) -> BuildSettings {
         let (unit, metres_per_unit) = match (&self.unit, imported.metres_per_unit) {
             (Some(unit), _) => (unit.clone(), metres_of_unit(unit).unwrap_or(1.0)),
-            (None, Some(metres)) if metres != 1.0 => (format!("{metres} m"), metres),
-            (None, _) => ("m".to_owned(), 1.0),
+            // glTF is in metres; no other format says.
+            (None, metres) => ("m".to_owned(), metres.unwrap_or(1.0)),
         };
         let up = match (self.up, imported.up_axis) {
             (Some(Up::X), _) | (None, Some(UpAxis::X)) => Axis::X,

@@ -21,7 +21,7 @@ use crate::render::{Light, RenderSettings, Shadows, render};
 use crate::report::Findings;
 use crate::sample::{PlantSettings, SampleCamera, cameras, plant};
 use crate::scene::Scene;
-use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query};
+use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query_until};
 
 /// Rays per pixel of the reference.
 const REFERENCE_RAYS: u32 = 16;
@@ -104,35 +104,35 @@ fn camera(view: &SampleCamera, (width, height): (u32, u32)) -> Camera {
 /// Runs every method on one view, timed, and compares each with the reference.
 fn compare(loaded: &LoadedScene, rays: &CameraRays, progress: &dyn Progress) -> Result<Vec<Row>, Failure> {
     let scene = loaded.query();
-    progress.stage("reference query", 0, "");
-    let fine = QuerySettings { rays_per_pixel: REFERENCE_RAYS, ..QuerySettings::default() };
-    let reference = query(&scene, rays, Method::Exact, &fine);
     let (width, height) = rays.size();
     let pixels = u64::from(width) * u64::from(height);
-    progress.stage("queries", 0, "");
+    progress.stage("reference query", pixels, "pixels");
+    // Rays of its own: none is shared with the answers.
+    let fine = QuerySettings { rays_per_pixel: REFERENCE_RAYS, first_sample: 1, ..QuerySettings::default() };
+    let reference = query_until(&scene, rays, Method::Exact, &fine, progress).ok_or("stopped")?;
     let mut rows = Vec::new();
     for method in [Method::Frustum, Method::Voxel, Method::Hybrid, Method::Exact] {
-        if progress.is_cancelled() {
-            return Err("stopped".into());
-        }
-        let (answer, milliseconds) = timed(|| query(&scene, rays, method, &QuerySettings::default()));
+        progress.stage("queries", pixels * TIMED_RUNS as u64, "pixels");
+        let ask = || query_until(&scene, rays, method, &QuerySettings::default(), progress);
+        let (answer, milliseconds) = timed(ask).ok_or("stopped")?;
         let accuracy = accuracy(&reference, &answer, pixels, |drawable| scene.exact.triangle_count(drawable));
         rows.push(Row { method, milliseconds, visible: answer.visible_count(), accuracy });
     }
     Ok(rows)
 }
 
-/// The answer, and the median of several runs in milliseconds.
-fn timed(mut ask: impl FnMut() -> VisibleSet) -> (VisibleSet, f64) {
-    let mut times = Vec::new();
-    let mut answer = ask();
-    for _ in 0..TIMED_RUNS {
+/// The answer, and the median of several runs in milliseconds; `None` when cancelled.
+fn timed(mut ask: impl FnMut() -> Option<VisibleSet>) -> Option<(VisibleSet, f64)> {
+    let mut times = [0.0; TIMED_RUNS];
+    let mut last = None;
+    for time in &mut times {
         let started = Instant::now();
-        answer = ask();
-        times.push(started.elapsed().as_secs_f64() * 1e3);
+        let answer = ask()?;
+        *time = started.elapsed().as_secs_f64() * 1e3;
+        last = Some(answer);
     }
     times.sort_by(f64::total_cmp);
-    (answer, times[times.len() / 2])
+    last.map(|answer| (answer, times[TIMED_RUNS / 2]))
 }
 
 fn picture(
@@ -148,7 +148,7 @@ fn picture(
         up: DVec3::Y,
     };
     progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
-    let image = render(&loaded.picture(), &camera.rays()?, &settings, &|pixels| progress.step(pixels));
+    let image = render(&loaded.picture(), &camera.rays()?, &settings, progress);
     write_png(path, &image.ok_or("stopped")?)
 }
 

@@ -21,8 +21,8 @@ pub struct Find {
     #[arg(long)]
     json: bool,
     /// Print no more than so many matches
-    #[arg(long, value_name = "N")]
-    limit: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    limit: Option<u64>,
 }
 
 #[derive(Serialize)]
@@ -40,31 +40,31 @@ struct Match {
 impl Find {
     pub fn run(self) -> Result<(), Failure> {
         let scene = Scene::open(&self.scene)?;
-        let matches = scene.find(&self.text).take(self.limit.unwrap_or(usize::MAX)).map(|node| {
-            let record = &scene.nodes()[node as usize];
-            let below = scene.subtree_objects(node);
-            Match {
-                node,
-                object: (record.object != NONE).then_some(record.object),
-                path: scene.node_path(node),
-                name: scene.name(record.name).to_owned(),
-                objects_below: below.end - below.start,
-                extras: serde_json::from_str(scene.name(record.extras)).ok(),
-            }
-        });
+        let matches =
+            scene.find(&self.text).take(self.limit.map_or(usize::MAX, |limit| limit as usize)).map(|node| {
+                let record = &scene.nodes()[node as usize];
+                let below = scene.subtree_objects(node);
+                Match {
+                    node,
+                    object: (record.object != NONE).then_some(record.object),
+                    path: scene.node_path(node),
+                    name: scene.name(record.name).to_owned(),
+                    objects_below: below.end - below.start,
+                    extras: serde_json::from_str(scene.name(record.extras)).ok(),
+                }
+            });
+        let matches: Vec<Match> = matches.collect();
         if self.json {
-            return print_json(&matches.collect::<Vec<_>>());
+            print_json(&matches)?;
         }
-        let mut found = 0u64;
-        for found_node in matches {
+        for found_node in matches.iter().filter(|_| !self.json) {
             let what = match found_node.object {
                 Some(object) => format!("object {object}"),
                 None => format!("{} objects", found_node.objects_below),
             };
             print_out!("{}\t{what}", found_node.path)?;
-            found += 1;
         }
-        if found == 0 {
+        if matches.is_empty() {
             return Err(format!("nothing in {} matches \"{}\"", self.scene.display(), self.text).into());
         }
         Ok(())

@@ -72,14 +72,19 @@ impl Cli {
     pub fn run(self) -> Result<(), Failure> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.global.threads.unwrap_or(0));
         pool.build_global().map_err(|error| format!("cannot start threads: {error}"))?;
+        let command = match self.command {
+            // Over in no time: Ctrl-C may do what it always does.
+            Command::Info(command) => return command.run(),
+            Command::Find(command) => return command.run(),
+            longer => longer,
+        };
         let progress = TerminalProgress::new(self.global.quiet)?;
-        let result = match self.command {
+        let result = match command {
             Command::Demo(command) => command.run(&progress),
             Command::Generate(command) => command.run(&progress),
             Command::Build(command) => command.run(&progress),
-            Command::Info(command) => command.run(),
             Command::Verify(command) => command.run(&progress),
-            Command::Find(command) => command.run(),
+            Command::Info(_) | Command::Find(_) => Ok(()),
             Command::Visible(command) => command.run(&progress),
             Command::Render(command) => command.run(&progress),
         };

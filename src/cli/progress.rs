@@ -50,12 +50,6 @@ impl TerminalProgress {
         }
     }
 
-    /// Tells of `count` more; true when the work should stop. For callbacks.
-    pub fn step(&self, count: u64) -> bool {
-        self.advance(count);
-        self.is_cancelled()
-    }
-
     fn lock(&self) -> std::sync::MutexGuard<'_, Option<Stage>> {
         self.current.lock().unwrap_or_else(PoisonError::into_inner)
     }

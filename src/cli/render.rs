@@ -33,17 +33,17 @@ pub struct Render {
     /// Direction towards the sun, world axes; from the upper left by default
     #[arg(long, value_parser = parse_vector, value_name = "X,Y,Z", allow_hyphen_values = true)]
     sun: Option<[f64; 3]>,
-    /// How the sun's shadows are found
-    #[arg(long, default_value = "voxel")]
-    shadows: ShadowName,
+    /// How the sun's shadows are found [default: voxel]
+    #[arg(long)]
+    shadows: Option<ShadowName>,
     /// Samples per pixel
     #[arg(long, default_value = "4", value_parser = parse_rays, value_name = "N")]
     spp: u32,
     /// Write object ids as colours instead: (id + 1) * 0x9E3779 mod 2^24, red lowest
-    #[arg(long, conflicts_with = "depth")]
+    #[arg(long, conflicts_with_all = ["depth", "light", "sun", "shadows", "spp"])]
     ids: bool,
     /// Write depth instead: 16 bits, 0 = nothing, 1 = nearest, 65535 = farthest, linear; the range is printed
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["light", "sun", "shadows", "spp"])]
     depth: bool,
     /// The picture to write (PNG)
     #[arg(long, short, value_name = "OUT.png")]
@@ -72,6 +72,11 @@ impl Render {
             )
             .into());
         }
+        if matches!(self.light, LightName::Headlight) && (self.sun.is_some() || self.shadows.is_some()) {
+            return Err(
+                "a headlight casts no shadows: leave out --sun and --shadows, or use --light sun".into()
+            );
+        }
         let scene = Scene::open(&self.scene)?;
         let mut camera = match &self.camera {
             Some(path) => read_camera(path)?,
@@ -84,10 +89,9 @@ impl Render {
         let up = up_vector(scene.meta().settings.up);
         let loaded = LoadedScene::new(scene, progress)?;
         progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
-        let done = |pixels| progress.step(pixels);
         const STOPPED: &str = "stopped; nothing was written";
         if self.depth {
-            let depth = render_depth(&loaded.picture(), &rays, &done).ok_or(STOPPED)?;
+            let depth = render_depth(&loaded.picture(), &rays, progress).ok_or(STOPPED)?;
             progress.finish();
             print_out!(
                 "depth 1 = {}, 65535 = {} {}",
@@ -98,9 +102,9 @@ impl Render {
             return write_png(&self.output, &depth.image);
         }
         let image = if self.ids {
-            render_ids(&loaded.picture(), &rays, |d| loaded.scene().drawable_object(d), &done)
+            render_ids(&loaded.picture(), &rays, |d| loaded.scene().drawable_object(d), progress)
         } else {
-            render(&loaded.picture(), &rays, &self.settings(up), &done)
+            render(&loaded.picture(), &rays, &self.settings(up), progress)
         };
         progress.finish();
         write_png(&self.output, &image.ok_or(STOPPED)?)
@@ -114,9 +118,9 @@ impl Render {
                 LightName::Sun => Light::Sun(self.sun.map_or_else(|| default_sun(up), DVec3::from)),
             },
             shadows: match self.shadows {
-                ShadowName::None => Shadows::None,
-                ShadowName::Voxel => Shadows::Voxel,
-                ShadowName::Exact => Shadows::Exact,
+                Some(ShadowName::None) => Shadows::None,
+                Some(ShadowName::Voxel) | None => Shadows::Voxel,
+                Some(ShadowName::Exact) => Shadows::Exact,
             },
             up,
         }

@@ -10,13 +10,16 @@ use super::Failure;
 use super::numbers::parse_rays;
 use super::output::{human_count, print_out, read_camera, write_json};
 use super::progress::TerminalProgress;
+use crate::camera::CameraRays;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query};
+use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query_until};
 
 /// Rays per pixel of the reference that `--check` compares with.
 const REFERENCE_RAYS_PER_PIXEL: u32 = 16;
+/// What is said after Ctrl-C.
+const STOPPED: &str = "stopped; nothing was written";
 /// Objects printed without `--json`.
 const PRINTED_OBJECTS: usize = 20;
 
@@ -35,8 +38,11 @@ pub struct Visible {
     #[arg(long, default_value = "1", value_parser = parse_rays, value_name = "N")]
     rays_per_pixel: u32,
     /// hybrid: accept a voxel without asking its triangles when it is smaller than so many pixels
-    #[arg(long, default_value = "0", value_name = "PX")]
-    accept_below: f64,
+    #[arg(long, value_name = "PX")]
+    accept_below: Option<f64>,
+    /// Another seed is another jitter of the rays; 0: the first ray goes through the middle of its pixel
+    #[arg(long, default_value = "0", value_name = "N")]
+    seed: u16,
     /// Compare with `exact` at 16 rays per pixel and print both errors
     #[arg(long)]
     check: bool,
@@ -66,24 +72,33 @@ impl From<MethodName> for Method {
 
 impl Visible {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
-        if !(self.accept_below >= 0.0 && self.accept_below.is_finite()) {
+        let method = Method::from(self.method);
+        let accept_below_px = self.accept_below.unwrap_or(0.0);
+        if !(accept_below_px >= 0.0 && accept_below_px.is_finite()) {
             return Err("--accept-below takes a number of pixels, 0 or more".into());
+        }
+        if self.accept_below.is_some() && method != Method::Hybrid {
+            return Err("--accept-below is for --method hybrid only".into());
         }
         let camera = read_camera(&self.camera)?;
         let rays = camera.rays()?;
         let loaded = LoadedScene::new(Scene::open(&self.scene)?, progress)?;
-        let method = Method::from(self.method);
-        let settings =
-            QuerySettings { rays_per_pixel: self.rays_per_pixel, accept_below_px: self.accept_below };
+        let first_sample = u32::from(self.seed).saturating_mul(self.rays_per_pixel);
+        let settings = QuerySettings { rays_per_pixel: self.rays_per_pixel, first_sample, accept_below_px };
 
-        progress.stage("query", 0, "");
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        progress.stage("query", pixels, "pixels");
         let started = Instant::now();
-        let answer = query(&loaded.query(), &rays, method, &settings);
+        let answer = query_until(&loaded.query(), &rays, method, &settings, progress).ok_or(STOPPED)?;
         let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-        let checked = self.check.then(|| {
-            progress.stage("reference", 0, "");
-            check(&loaded, &rays, &answer)
-        });
+        let checked = match self.check {
+            false => None,
+            true => {
+                progress.stage("reference", pixels, "pixels");
+                let next_sample = first_sample.saturating_add(self.rays_per_pixel);
+                Some(check(&loaded, &rays, &answer, next_sample, progress).ok_or(STOPPED)?)
+            }
+        };
         progress.finish();
 
         let scene = loaded.scene();
@@ -134,14 +149,22 @@ impl Visible {
     }
 }
 
-/// Compares an answer with the reference of the same camera.
-pub(super) fn check(loaded: &LoadedScene, rays: &crate::camera::CameraRays, answer: &VisibleSet) -> Accuracy {
-    let settings = QuerySettings { rays_per_pixel: REFERENCE_RAYS_PER_PIXEL, ..QuerySettings::default() };
+/// Compares an answer with the reference of the same camera, whose jitter begins at `first_sample`: after the answer's,
+/// so that they share no ray. `None` when cancelled.
+fn check(
+    loaded: &LoadedScene,
+    rays: &CameraRays,
+    answer: &VisibleSet,
+    first_sample: u32,
+    progress: &dyn Progress,
+) -> Option<Accuracy> {
+    let settings =
+        QuerySettings { rays_per_pixel: REFERENCE_RAYS_PER_PIXEL, first_sample, ..QuerySettings::default() };
     let scene = loaded.query();
-    let reference = query(&scene, rays, Method::Exact, &settings);
+    let reference = query_until(&scene, rays, Method::Exact, &settings, progress)?;
     let (width, height) = rays.size();
     let pixels = u64::from(width) * u64::from(height);
-    accuracy(&reference, answer, pixels, |drawable| scene.exact.triangle_count(drawable))
+    Some(accuracy(&reference, answer, pixels, |drawable| scene.exact.triangle_count(drawable)))
 }
 
 /// Visible objects, most samples first, then by id.
@@ -152,7 +175,7 @@ fn sorted_objects(scene: &Scene, answer: &VisibleSet) -> Vec<(u32, u64)> {
     objects
 }
 
-pub(super) fn print_accuracy(checked: &Accuracy) -> Result<(), Failure> {
+fn print_accuracy(checked: &Accuracy) -> Result<(), Failure> {
     print_out!(
         "wrongly hidden    {:.3} % of drawables ({} of {}), lost pixels {:.4} %",
         100.0 * checked.wrongly_hidden_rate(),

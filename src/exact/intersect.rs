@@ -28,7 +28,8 @@ pub fn intersect(ray: &PartRay, triangle: [DVec3; 3]) -> Option<f64> {
     if outside {
         return None;
     }
-    let normal = (b - a).cross(c - a);
+    // From the corners as they are: exact differences for decoded vertices, so that a collinear triangle's is exactly 0.
+    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
     let slope = normal.dot(ray.direction);
     if slope == 0.0 {
         return None;

@@ -1,9 +1,8 @@
 //! The whole preparation: a model becomes a container. [`build`] reads as the list of its stages.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use serde_json::json;
 use voxsight_voxel::dag::{DagError, DagRef, DagStatistics};
@@ -11,8 +10,9 @@ use voxsight_voxel::grid::{Grid, GridError};
 use voxsight_voxel::voxelize::{Voxelized, voxelize};
 
 use super::localise::localise;
+use super::memory::{MemoryError, MemoryGuard};
 use super::part::{PartSettings, PrepareError, prepare_part};
-use super::resources::{StageCost, Stopwatch, resident_bytes};
+use super::resources::{StageCost, Stopwatch};
 use super::voxels::{ChunkGeometry, SceneDrawables};
 use crate::container::layout::SectionKind;
 use crate::container::{
@@ -111,22 +111,9 @@ pub enum BuildError {
     /// The caller asked to stop.
     #[error("cancelled; nothing was written")]
     Cancelled,
-    /// The memory limit was reached.
-    #[error(
-        "the build would hold more than the {limit} bytes of --memory (it was at {used}): \
-         choose a lower --resolution, or allow more"
-    )]
-    Memory {
-        /// As set.
-        limit: u64,
-        /// Resident bytes when it was noticed.
-        used: u64,
-    },
-    /// The system does not tell how much memory is used.
-    #[error(
-        "--memory needs a system that tells a program its resident memory (/proc/self/status): leave it out"
-    )]
-    MemoryUnknown,
+    /// The memory limit was reached, or cannot be watched.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
 }
 
 /// Builds a container from a model. The file appears under its name only when it is complete.
@@ -140,7 +127,7 @@ pub fn build(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildOutcome, BuildError> {
-    let guard = Guard::new(settings.memory, progress)?;
+    let guard = MemoryGuard::new(settings.memory, progress)?;
     let mut stopwatch = Stopwatch::start();
     let mut writer = ContainerWriter::create(output)?;
 
@@ -167,7 +154,7 @@ pub fn build(
     write_voxels(&mut writer, &voxels)?;
     writer.write_json(SectionKind::Meta, &meta)?;
     writer.write_json(SectionKind::Report, &report)?;
-    guard.check()?;
+    still_wanted(&guard)?;
     writer.finish()?;
     stopwatch.lap("write");
     Ok(BuildOutcome { meta, report, stages: stopwatch.finish() })
@@ -179,11 +166,13 @@ fn prepare_parts(
     settings: &BuildSettings,
     findings: &mut Findings,
     writer: &mut ContainerWriter,
-    guard: &Guard,
+    guard: &MemoryGuard,
 ) -> Result<(GeometryRecords, Vec<ChunkGeometry>), BuildError> {
-    guard.progress.stage("levels of detail", model.unique_triangles(), "triangles");
-    let part_settings = PartSettings {
-        max_position_error: settings.max_position_error,
+    guard.stage("levels of detail", model.unique_triangles(), "triangles");
+    let gains = part_gains(model);
+    let part_settings = |part: usize| PartSettings {
+        // The setting counts in the model's units, a part is quantized in its own.
+        max_position_error: settings.max_position_error.map(|error| error / gains[part]),
         lod: settings.lod,
         ..PartSettings::default()
     };
@@ -193,7 +182,10 @@ fn prepare_parts(
         let prepared: Vec<Result<Prepared, BuildError>> = parts
             .par_iter()
             .enumerate()
-            .map(|(i, part)| Prepared::new(round * PARTS_PER_ROUND + i, part, &part_settings, guard))
+            .map(|(i, part)| {
+                let index = round * PARTS_PER_ROUND + i;
+                Prepared::new(index, part, &part_settings(index), guard)
+            })
             .collect();
         for part in prepared {
             let Prepared { encoded, level_0, findings: found } = part?;
@@ -213,8 +205,13 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(index: usize, part: &Part, settings: &PartSettings, guard: &Guard) -> Result<Self, BuildError> {
-        guard.check()?;
+    fn new(
+        index: usize,
+        part: &Part,
+        settings: &PartSettings,
+        guard: &MemoryGuard,
+    ) -> Result<Self, BuildError> {
+        still_wanted(guard)?;
         let mut findings = Findings::default();
         let place = || match part.name.as_str() {
             "" => format!("part {index}"),
@@ -227,7 +224,7 @@ impl Prepared {
             let mesh = chunk.levels.into_iter().next()?.mesh;
             Some(ChunkGeometry { offset: chunk.offset, step, mesh })
         });
-        guard.progress.advance(part.mesh.triangles.len() as u64);
+        guard.advance(part.mesh.triangles.len() as u64);
         Ok(Prepared { encoded, level_0: level_0.collect(), findings })
     }
 }
@@ -236,7 +233,7 @@ fn voxelize_scene(
     records: &SceneRecords,
     chunks: &[ChunkGeometry],
     settings: &BuildSettings,
-    guard: &Guard,
+    guard: &MemoryGuard,
 ) -> Result<(Grid, Voxelized, DagStatistics), BuildError> {
     let bounds = records.bounds().ok_or(BuildError::Empty)?;
     let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
@@ -246,14 +243,13 @@ fn voxelize_scene(
     };
     let placed = records.objects().iter().flat_map(|object| {
         let part = &records.parts()[object.part as usize];
-        let world_from_part = glam::DAffine3::from_cols_array(&object.world_from_part);
+        let world_from_part = DAffine3::from_cols_array(&object.world_from_part);
         (part.first_chunk..part.first_chunk + part.chunk_count).map(move |chunk| (world_from_part, chunk))
     });
-    guard.progress.stage("voxels", records.counts().placed_triangles, "triangles");
-    let drawables =
-        SceneDrawables { grid, placed: placed.collect(), chunks, progress: guard, stop: &guard.stop };
+    guard.stage("voxels", records.counts().placed_triangles, "triangles");
+    let drawables = SceneDrawables { grid, placed: placed.collect(), chunks, progress: guard };
     let voxels = voxelize(&grid, &drawables).map_err(|error| match error {
-        DagError::Cancelled => guard.check().err().unwrap_or(BuildError::Cancelled),
+        DagError::Cancelled => still_wanted(guard).err().unwrap_or(BuildError::Cancelled),
         other => BuildError::Dag(other),
     })?;
     // Our own output goes through the same checks as a stranger's file.
@@ -308,7 +304,11 @@ fn report_statistics(
     statistics: &DagStatistics,
 ) -> serde_json::Map<String, serde_json::Value> {
     let owner_bytes = 4 * voxels.owners.runs.len() as u64 + 8 * voxels.owners.lists.len() as u64;
-    let largest_step = records.parts().iter().flat_map(|part| part.step).fold(0.0f32, f32::max);
+    let steps = records.objects().iter().map(|object| {
+        let step = records.parts()[object.part as usize].step.into_iter().fold(0.0, f32::max);
+        f64::from(step) * coordinate_gain(&DAffine3::from_cols_array(&object.world_from_part))
+    });
+    let largest_position_error = 0.5 * steps.fold(0.0, f64::max);
     [
         ("dag_nodes", json!(statistics.nodes)),
         ("dag_distinct_leaves", json!(statistics.distinct_leaves)),
@@ -319,53 +319,32 @@ fn report_statistics(
             json!(8.0 * statistics.traversal_bytes as f64 / statistics.voxels.max(1) as f64),
         ),
         ("owner_bytes", json!(owner_bytes)),
-        ("largest_quantization_step", json!(largest_step)),
+        ("largest_position_error", json!(largest_position_error)),
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .into_iter()
     .collect()
 }
 
-/// Watches for cancellation and the memory limit.
-struct Guard<'a> {
-    limit: Option<u64>,
-    progress: &'a dyn Progress,
-    /// Set when the memory limit was reached.
-    stop: AtomicBool,
+/// An error when the work should stop: over the memory limit, or cancelled.
+fn still_wanted(guard: &MemoryGuard) -> Result<(), BuildError> {
+    guard.check()?;
+    if guard.is_cancelled() { Err(BuildError::Cancelled) } else { Ok(()) }
 }
 
-impl<'a> Guard<'a> {
-    fn new(limit: Option<u64>, progress: &'a dyn Progress) -> Result<Self, BuildError> {
-        if limit.is_some() && resident_bytes().is_none() {
-            return Err(BuildError::MemoryUnknown);
-        }
-        Ok(Guard { limit, progress, stop: AtomicBool::new(false) })
-    }
-
-    fn check(&self) -> Result<(), BuildError> {
-        if self.progress.is_cancelled() {
-            return Err(BuildError::Cancelled);
-        }
-        match (self.limit, resident_bytes()) {
-            (Some(limit), Some(used)) if used > limit => Err(BuildError::Memory { limit, used }),
-            _ => Ok(()),
-        }
-    }
+/// The most that a coordinate of the world can differ when every coordinate of the part differs by at most 1: the
+/// largest sum of a row's absolute values. 1 for a pure translation or scale 1 along the axes.
+fn coordinate_gain(world_from_part: &DAffine3) -> f64 {
+    let m = world_from_part.matrix3;
+    (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element()
 }
 
-impl Progress for Guard<'_> {
-    fn stage(&self, name: &str, total: u64, unit: &str) {
-        self.progress.stage(name, total, unit);
+/// [`coordinate_gain`] of each part's most enlarged object.
+fn part_gains(model: &Model) -> Vec<f64> {
+    let mut gains = vec![0.0f64; model.parts.len()];
+    for object in &model.objects {
+        let gain = &mut gains[object.part as usize];
+        *gain = gain.max(coordinate_gain(&object.world_from_part));
     }
-
-    fn advance(&self, count: u64) {
-        self.progress.advance(count);
-        if self.limit.is_some_and(|limit| resident_bytes().is_some_and(|used| used > limit)) {
-            self.stop.store(true, Ordering::Relaxed);
-        }
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.progress.is_cancelled()
-    }
+    gains
 }

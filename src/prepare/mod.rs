@@ -5,6 +5,7 @@
 //! part        one part: chunk (spatial pieces) -> quantize and weld -> lod (levels, errors measured by deviation)
 //! voxels      level 0 of everything, placed, snapped to the grid
 //! build       all stages in order, streamed to the file
+//! memory      a limit on the process
 //! resources   time and memory of each stage
 //! ```
 
@@ -13,6 +14,7 @@ mod chunk;
 mod deviation;
 pub mod localise;
 mod lod;
+pub mod memory;
 pub mod part;
 mod quantize;
 pub mod resources;

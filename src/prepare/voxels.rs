@@ -1,7 +1,5 @@
 //! The scene's drawables as the voxelizer wants them: level 0, as it will be decoded, snapped to the grid.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use glam::{DAffine3, DMat3, DVec3};
 use voxsight_voxel::grid::Grid;
 use voxsight_voxel::voxelize::{Drawables, SnappedMesh};
@@ -23,8 +21,6 @@ pub(super) struct SceneDrawables<'a> {
     pub placed: Vec<(DAffine3, u32)>,
     pub chunks: &'a [ChunkGeometry],
     pub progress: &'a dyn Progress,
-    /// Set by whoever wants the work to stop.
-    pub stop: &'a AtomicBool,
 }
 
 impl Drawables for SceneDrawables<'_> {
@@ -52,7 +48,7 @@ impl Drawables for SceneDrawables<'_> {
 
     fn advance(&self, triangles: u64) -> bool {
         self.progress.advance(triangles);
-        self.stop.load(Ordering::Relaxed) || self.progress.is_cancelled()
+        self.progress.is_cancelled()
     }
 }
 

@@ -14,6 +14,7 @@ pub use shade::{Light, Shadows};
 use crate::camera::CameraRays;
 use crate::exact::TriangleHit;
 use crate::model::Colour;
+use crate::progress::Progress;
 use crate::ray::Ray;
 use crate::visibility::{QueryScene, sample_offset};
 
@@ -52,15 +53,15 @@ pub struct DepthImage {
     pub far: f64,
 }
 
-/// Renders a shaded picture.
+/// Renders a shaded picture; `None` when cancelled.
 pub fn render(
     scene: &RenderScene,
     camera: &CameraRays,
     settings: &RenderSettings,
-    done: &(dyn Fn(u64) -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Option<RgbImage> {
     let shader = shade::Shader::new(scene, settings, camera);
-    pixels(camera, done, |column, row| {
+    pixels(camera, progress, |column, row| {
         let mut sum = DVec3::ZERO;
         for sample in 0..settings.samples_per_pixel {
             let (x, y) = sample_offset(sample);
@@ -79,9 +80,9 @@ pub fn render_ids(
     scene: &RenderScene,
     camera: &CameraRays,
     object_of: impl Fn(u32) -> u32 + Sync,
-    done: &(dyn Fn(u64) -> bool + Sync),
+    progress: &dyn Progress,
 ) -> Option<RgbImage> {
-    pixels(camera, done, |column, row| match middle_hit(scene, camera, column, row) {
+    pixels(camera, progress, |column, row| match middle_hit(scene, camera, column, row) {
         Some(hit) => Rgb(id_colour(object_of(hit.drawable))),
         None => Rgb([0; 3]),
     })
@@ -95,12 +96,9 @@ pub fn id_colour(object: u32) -> [u8; 3] {
 }
 
 /// Renders depth, one sample in the middle of each pixel, scaled to the range of the picture.
-pub fn render_depth(
-    scene: &RenderScene,
-    camera: &CameraRays,
-    done: &(dyn Fn(u64) -> bool + Sync),
-) -> Option<DepthImage> {
-    let depths = pixels(camera, done, |column, row| middle_hit(scene, camera, column, row).map(|hit| hit.t))?;
+pub fn render_depth(scene: &RenderScene, camera: &CameraRays, progress: &dyn Progress) -> Option<DepthImage> {
+    let depths =
+        pixels(camera, progress, |column, row| middle_hit(scene, camera, column, row).map(|hit| hit.t))?;
     let found = depths.iter().flatten();
     let (near, far) = found.fold((f64::INFINITY, 0.0f64), |(near, far), &t| (near.min(t), far.max(t)));
     let near = if near.is_finite() { near } else { 0.0 };
@@ -118,24 +116,27 @@ fn middle_hit(scene: &RenderScene, camera: &CameraRays, column: u32, row: u32) -
     scene.query.exact.closest(&ray)
 }
 
-/// Computes all pixels, rows in parallel. `done(pixels)` is told of progress; `None` when it returns true (stop).
+/// Computes all pixels, rows in parallel; `None` when cancelled before the last rows are begun.
 fn pixels<T: Send>(
     camera: &CameraRays,
-    done: &(dyn Fn(u64) -> bool + Sync),
+    progress: &dyn Progress,
     pixel: impl Fn(u32, u32) -> T + Sync,
 ) -> Option<Vec<T>> {
     let (width, height) = camera.size();
-    let tasks: Vec<Option<Vec<T>>> = (0..height.div_ceil(ROWS_PER_TASK))
+    let tasks: Option<Vec<Vec<T>>> = (0..height.div_ceil(ROWS_PER_TASK))
         .into_par_iter()
         .map(|task| {
+            if progress.is_cancelled() {
+                return None;
+            }
             let rows = task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(height);
             let count = u64::from(rows.end - rows.start) * u64::from(width);
             let pixels = rows.flat_map(|row| (0..width).map(move |column| (column, row)));
             let pixels = pixels.map(|(column, row)| pixel(column, row)).collect();
-            (!done(count)).then_some(pixels)
+            progress.advance(count);
+            Some(pixels)
         })
         .collect();
-    let tasks: Option<Vec<Vec<T>>> = tasks.into_iter().collect();
     tasks.map(|tasks| tasks.into_iter().flatten().collect())
 }
 

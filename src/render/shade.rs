@@ -1,12 +1,12 @@
 //! Light, shadow and colour of one ray.
 
 use glam::DVec3;
-use voxsight_voxel::raycast::GridRay;
+use voxsight_voxel::raycast::{GridRay, Next};
 
 use super::{RenderScene, RenderSettings};
 use crate::camera::CameraRays;
 use crate::exact::TriangleHit;
-use crate::model::Colour;
+use crate::model::{Colour, linear_from_srgb};
 use crate::ray::Ray;
 
 /// Where the light comes from.
@@ -60,7 +60,7 @@ impl<'a> Shader<'a> {
             to_sun,
             forward: camera.forward(),
             exact_offset: scene.query.grid.voxel_size * f64::from(scene.query.grid.side()) * 1e-7,
-            linear: (0..=255).map(|byte| decode(f64::from(byte) / 255.0)).collect(),
+            linear: (0..=255).map(|byte| linear_from_srgb(f64::from(byte) / 255.0)).collect(),
         }
     }
 
@@ -120,9 +120,21 @@ impl<'a> Shader<'a> {
                 // that starts this high leaves the voxels of its own flat surface behind. 2/256: the widened overlap.
                 let offset = normal.abs().element_sum() * (1.0 + 2.0 / 256.0);
                 let origin = query.grid.grid_from_world(point) + normal * offset;
-                query.dag.any_hit(&GridRay::new(origin, self.to_sun))
+                self.meets_opaque_voxel(&GridRay::new(origin, self.to_sun))
             }
         }
+    }
+
+    /// Glass casts no shadow: only a voxel with an opaque owner stops the light.
+    fn meets_opaque_voxel(&self, ray: &GridRay) -> bool {
+        let query = &self.scene.query;
+        let mut met = false;
+        query.dag.cast(ray, |hit| {
+            let owners = query.owners.of_brick(hit.brick_ordinal());
+            met = owners.of_voxel(hit.bit).any(|owner| !query.exact.is_transparent(owner));
+            if met { Next::End } else { Next::Voxel }
+        });
+        met
     }
 
     /// A plain sky, brighter towards the horizon.
@@ -130,11 +142,6 @@ impl<'a> Shader<'a> {
         let height = ray.direction.normalize_or_zero().dot(self.up).clamp(-1.0, 1.0);
         DVec3::new(0.86, 0.89, 0.93).lerp(DVec3::new(0.42, 0.58, 0.80), height.max(0.0).sqrt())
     }
-}
-
-/// sRGB to linear, IEC 61966-2-1.
-fn decode(c: f64) -> f64 {
-    if c <= 0.04045 { c / 12.92 } else { libm::pow((c + 0.055) / 1.055, 2.4) }
 }
 
 /// Linear RGB to sRGB bytes; values above 1 are clipped.

@@ -15,9 +15,9 @@ mod voxel;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 use voxsight_voxel::dag::{DagRef, OwnersRef};
 use voxsight_voxel::grid::Grid;
@@ -26,7 +26,8 @@ pub use accuracy::{Accuracy, ClassError, accuracy};
 pub use sampling::{PixelRay, for_each_pixel_ray, sample_offset};
 
 use crate::camera::CameraRays;
-use crate::exact::ExactScene;
+use crate::exact::{ExactScene, TriangleHit};
+use crate::progress::{Progress, Silent};
 use crate::ray::Ray;
 
 /// How visibility is found.
@@ -46,8 +47,11 @@ pub enum Method {
 /// Settings of a query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuerySettings {
-    /// Rays per pixel, at least 1; the first goes through the pixel's middle.
+    /// Rays per pixel, at least 1.
     pub rays_per_pixel: u32,
+    /// Where the jitter begins ([`sample_offset`]). 0: the first ray goes through the pixel's middle. Another frame, or a
+    /// reference that shall share no ray with the answer, begins after the last.
+    pub first_sample: u32,
     /// `hybrid` accepts a voxel without asking its triangles when the voxel is smaller than this many pixels at its
     /// distance. 0: always ask, which gives what `exact` gives.
     pub accept_below_px: f64,
@@ -55,7 +59,7 @@ pub struct QuerySettings {
 
 impl Default for QuerySettings {
     fn default() -> Self {
-        QuerySettings { rays_per_pixel: 1, accept_below_px: 0.0 }
+        QuerySettings { rays_per_pixel: 1, first_sample: 0, accept_below_px: 0.0 }
     }
 }
 
@@ -105,6 +109,21 @@ impl VisibleSet {
         self.visible[drawable as usize] = true;
     }
 
+    /// Counts what one ray met: its first opaque drawable and, of the transparent hits, those before it. True when
+    /// there was anything.
+    fn count_ray(&mut self, through: &[TriangleHit], first_opaque: Option<(u32, f64)>) -> bool {
+        let end = first_opaque.map_or(f64::INFINITY, |(_, t)| t);
+        let mut any = first_opaque.is_some();
+        for hit in through.iter().filter(|hit| hit.t < end) {
+            self.count(hit.drawable);
+            any = true;
+        }
+        if let Some((drawable, _)) = first_opaque {
+            self.count(drawable);
+        }
+        any
+    }
+
     fn merge(&mut self, other: &VisibleSet) {
         self.rays += other.rays;
         self.hits += other.hits;
@@ -136,7 +155,16 @@ impl VisibleSet {
 /// What one ray of a query finds.
 pub(crate) trait RayQuery: Sync {
     /// Counts what the ray meets; true when it met anything.
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool;
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool;
+}
+
+/// Working memory of a thread; stale at the start of a ray.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    /// Drawables whose triangles were asked, or that were counted, along this ray.
+    asked: Vec<u32>,
+    /// Hits with transparent drawables along this ray.
+    through: Vec<TriangleHit>,
 }
 
 /// Asks what the camera sees. Uses all threads of the current rayon pool; the answer does not depend on their number.
@@ -146,13 +174,27 @@ pub fn query(
     method: Method,
     settings: &QuerySettings,
 ) -> VisibleSet {
+    let nothing = || VisibleSet::new(scene.exact.drawable_count());
+    // `Silent` never cancels.
+    query_until(scene, camera, method, settings, &Silent).unwrap_or_else(nothing)
+}
+
+/// As [`query`], telling `progress` of each pixel done; `None` when cancelled.
+pub fn query_until(
+    scene: &QueryScene,
+    camera: &CameraRays,
+    method: Method,
+    settings: &QuerySettings,
+    progress: &dyn Progress,
+) -> Option<VisibleSet> {
+    let cast = |query: &dyn RayQuery| cast_all(query, scene, camera, settings, progress);
     match method {
-        Method::Frustum => frustum::in_frustum(scene, camera),
-        Method::Exact => cast_all(&ExactQuery(scene.exact), scene, camera, settings),
-        Method::Voxel => cast_all(&voxel::VoxelQuery::new(scene), scene, camera, settings),
+        Method::Frustum => Some(frustum::in_frustum(scene, camera)),
+        Method::Exact => cast(&ExactQuery(scene.exact)),
+        Method::Voxel => cast(&voxel::VoxelQuery::new(scene)),
         Method::Hybrid => {
             let footprint = camera.pixel_at_unit_depth() * settings.accept_below_px;
-            cast_all(&voxel::HybridQuery::new(scene, footprint), scene, camera, settings)
+            cast(&voxel::HybridQuery::new(scene, footprint))
         }
     }
 }
@@ -163,45 +205,41 @@ fn cast_all(
     scene: &QueryScene,
     camera: &CameraRays,
     settings: &QuerySettings,
-) -> VisibleSet {
+    progress: &dyn Progress,
+) -> Option<VisibleSet> {
     let drawables = scene.exact.drawable_count();
     let tiles = sampling::tiles(camera.size());
-    let next = std::sync::atomic::AtomicUsize::new(0);
+    let samples = settings.first_sample..settings.first_sample.saturating_add(settings.rays_per_pixel);
+    let next = AtomicUsize::new(0);
     let parts = rayon::broadcast(|_| {
         let mut found = VisibleSet::new(drawables);
+        let mut scratch = Scratch::default();
         loop {
-            let index = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-            let Some(tile) = tiles.get(index) else { return found };
-            for_each_pixel_ray(camera, tile, settings.rays_per_pixel, |pixel| {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(tile) = tiles.get(index) else { return Some(found) };
+            if progress.is_cancelled() {
+                return None;
+            }
+            for_each_pixel_ray(camera, tile, samples.clone(), |pixel| {
                 found.rays += 1;
-                found.hits += u64::from(query.trace(&pixel.ray, &mut found));
+                found.hits += u64::from(query.trace(&pixel.ray, &mut found, &mut scratch));
             });
+            progress.advance(tile.pixels());
         }
     });
-    parts.into_par_iter().reduce(
-        || VisibleSet::new(drawables),
-        |mut a, b| {
-            a.merge(&b);
-            a
-        },
-    )
+    let mut all = VisibleSet::new(drawables);
+    for part in parts {
+        all.merge(&part?);
+    }
+    Some(all)
 }
 
 struct ExactQuery<'a>(&'a ExactScene);
 
 impl RayQuery for ExactQuery<'_> {
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool {
-        let mut through = Vec::new();
-        let opaque = self.0.closest_through(ray, |hit| through.push(hit));
-        let end = opaque.map_or(f64::INFINITY, |hit| hit.t);
-        let mut any = opaque.is_some();
-        for hit in through.iter().filter(|hit| hit.t < end) {
-            found.count(hit.drawable);
-            any = true;
-        }
-        if let Some(hit) = opaque {
-            found.count(hit.drawable);
-        }
-        any
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
+        scratch.through.clear();
+        let opaque = self.0.closest_through(ray, |hit| scratch.through.push(hit));
+        found.count_ray(&scratch.through, opaque.map(|hit| (hit.drawable, hit.t)))
     }
 }

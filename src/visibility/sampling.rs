@@ -43,14 +43,21 @@ pub fn sample_offset(index: u32) -> (f64, f64) {
     (at(STEPS.0), at(STEPS.1))
 }
 
-/// Calls `visit` for every ray of a tile, `rays_per_pixel` for each pixel.
+impl Tile {
+    /// Pixels of the tile.
+    pub fn pixels(&self) -> u64 {
+        self.columns.len() as u64 * self.rows.len() as u64
+    }
+}
+
+/// Calls `visit` for every ray of a tile: each pixel gets one for each of the `samples` ([`sample_offset`]).
 pub fn for_each_pixel_ray(
     camera: &CameraRays,
     tile: &Tile,
-    rays_per_pixel: u32,
+    samples: std::ops::Range<u32>,
     mut visit: impl FnMut(PixelRay),
 ) {
-    for sample in 0..rays_per_pixel {
+    for sample in samples {
         let (x, y) = sample_offset(sample);
         for row in tile.rows.clone() {
             for column in tile.columns.clone() {

@@ -1,11 +1,9 @@
 //! Queries through the voxel DAG: `voxel` and `hybrid`.
 
-use std::ops::ControlFlow;
-
 use voxsight_voxel::dag::Owners;
-use voxsight_voxel::raycast::{GridRay, VoxelHit};
+use voxsight_voxel::raycast::{GridRay, Next, VoxelHit};
 
-use super::{QueryScene, RayQuery, VisibleSet};
+use super::{QueryScene, RayQuery, Scratch, VisibleSet};
 use crate::exact::TriangleHit;
 use crate::ray::Ray;
 
@@ -30,12 +28,12 @@ impl<'a> BrickOwners<'a> {
         BrickOwners { brick: [i32::MIN; 3], owners: Owners::Several(&[]) }
     }
 
-    fn of_voxel(&mut self, scene: &QueryScene<'a>, hit: &VoxelHit) -> impl Iterator<Item = u32> + use<'a> {
+    fn of_brick(&mut self, scene: &QueryScene<'a>, hit: &VoxelHit) -> Owners<'a> {
         let brick = hit.voxel.map(|c| c >> 2);
         if brick != self.brick {
             *self = BrickOwners { brick, owners: scene.owners.of_brick(hit.brick_ordinal()) };
         }
-        self.owners.of_voxel(hit.bit)
+        self.owners
     }
 }
 
@@ -51,14 +49,15 @@ impl<'a> VoxelQuery<'a> {
 }
 
 impl RayQuery for VoxelQuery<'_> {
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool {
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
         let exact = self.scene.exact;
         let mut owners = BrickOwners::new();
-        let mut passed: Vec<u32> = Vec::new();
+        let passed = &mut scratch.asked;
+        passed.clear();
         let mut any = false;
         self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
             any = true;
-            let of_voxel = owners.of_voxel(&self.scene, hit);
+            let of_voxel = owners.of_brick(&self.scene, hit).of_voxel(hit.bit);
             let mut first_opaque = None;
             for owner in of_voxel {
                 found.visible[owner as usize] = true;
@@ -74,9 +73,9 @@ impl RayQuery for VoxelQuery<'_> {
             match first_opaque {
                 Some(owner) => {
                     found.count(owner);
-                    ControlFlow::Break(())
+                    Next::End
                 }
-                None => ControlFlow::Continue(()),
+                None => Next::Voxel,
             }
         });
         any
@@ -101,21 +100,23 @@ impl<'a> HybridQuery<'a> {
 }
 
 impl RayQuery for HybridQuery<'_> {
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet) -> bool {
+    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
         let exact = self.scene.exact;
         let mut owners = BrickOwners::new();
-        let mut asked: Vec<u32> = Vec::new();
-        let mut through: Vec<TriangleHit> = Vec::new();
+        let Scratch { asked, through } = scratch;
+        asked.clear();
+        through.clear();
         let mut best: Option<TriangleHit> = None;
         let mut accepted: Option<(u32, f64)> = None;
         // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
         let slack = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
         self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
             if best.is_some_and(|best| hit.t > best.t + slack) {
-                return ControlFlow::Break(());
+                return Next::End;
             }
             let unseen = self.scene.grid.voxel_size < hit.t * self.footprint;
-            for owner in owners.of_voxel(&self.scene, hit) {
+            let of_brick = owners.of_brick(&self.scene, hit);
+            for owner in of_brick.of_voxel(hit.bit) {
                 if unseen {
                     found.visible[owner as usize] = true;
                     if !exact.is_transparent(owner) && accepted.is_none() {
@@ -135,24 +136,20 @@ impl RayQuery for HybridQuery<'_> {
                     best = Some(triangle);
                 }
             }
-            if accepted.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        });
-        let first = match (best, accepted) {
-            (Some(best), Some((owner, t))) => {
-                Some(if best.t <= t { (best.drawable, best.t) } else { (owner, t) })
+            if accepted.is_some() {
+                Next::End
+            } else if !unseen && of_brick.all().all(|owner| asked.contains(&owner)) {
+                // The brick has nothing more to tell.
+                Next::Brick
+            } else {
+                Next::Voxel
             }
-            (Some(best), None) => Some((best.drawable, best.t)),
-            (None, accepted) => accepted,
+        });
+        let best = best.map(|hit| (hit.drawable, hit.t));
+        let first = match (best, accepted) {
+            (Some(best), Some(accepted)) if accepted.1 < best.1 => Some(accepted),
+            (best, accepted) => best.or(accepted),
         };
-        let end = first.map_or(f64::INFINITY, |(_, t)| t);
-        let mut any = first.is_some();
-        for hit in through.iter().filter(|hit| hit.t < end) {
-            found.count(hit.drawable);
-            any = true;
-        }
-        if let Some((drawable, _)) = first {
-            found.count(drawable);
-        }
-        any
+        found.count_ray(through, first)
     }
 }

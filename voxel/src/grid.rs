@@ -73,7 +73,8 @@ impl Grid {
         let free = f64::from(1u32 << log2) - 2.0 * MARGIN_VOXELS;
         let magnitude = min.abs().max(max.abs()).max_element();
         let mut extent = (max - min).max_element();
-        if extent == 0.0 {
+        // A point's box is widened by rounding alone.
+        if extent <= magnitude * (64.0 * f64::EPSILON) {
             extent = if magnitude > 0.0 { magnitude * 1e-6 * free } else { free };
         }
         Self::centred(min, max, extent / free, log2)
@@ -150,6 +151,7 @@ mod tests {
             (DVec3::splat(-1e7), DVec3::splat(-1e7 + 0.5)),
             (DVec3::splat(3.0), DVec3::splat(3.0)),
             (DVec3::ZERO, DVec3::ZERO),
+            (DVec3::splat(7.0).map(f64::next_down), DVec3::splat(7.0).map(f64::next_up)),
         ];
         for (min, max) in cases {
             for log2 in LOG2_RANGE {

@@ -2,12 +2,10 @@
 
 mod common;
 
-use std::ops::ControlFlow;
-
 use common::{random_soup, unit_grid};
 use glam::DVec3;
 use voxsight_voxel::dag::DagRef;
-use voxsight_voxel::raycast::GridRay;
+use voxsight_voxel::raycast::{GridRay, Next};
 use voxsight_voxel::voxelize::voxelize;
 
 /// A voxel crossed by more than this must be found (voxels).
@@ -106,7 +104,7 @@ fn no_crossed_voxel_is_passed_and_none_is_made_up() {
                 let grown = slab(&ray, hit.voxel, -blur);
                 assert!(grown.is_some(), "seed {seed} round {round}: {ray:?} does not cross {:?}", hit.voxel);
                 found.push(hit.voxel);
-                ControlFlow::Continue(())
+                Next::Voxel
             });
             hits += found.len() as u64;
             found.sort_unstable();
@@ -122,6 +120,31 @@ fn no_crossed_voxel_is_passed_and_none_is_made_up() {
         }
     }
     assert!(hits > 10_000, "too few hits to mean anything: {hits}");
+}
+
+#[test]
+fn a_walk_past_bricks_meets_each_brick_once_and_all_of_them() {
+    let voxels = voxelize(&unit_grid(7), &random_soup(2, 7, 24)).unwrap();
+    let dag = voxels.dag.view();
+    let mut random = oorandom::Rand64::new(2);
+    let mut met = 0;
+    for round in 0..2000 {
+        let ray = random_ray(&mut random, 128.0);
+        let mut all: Vec<u32> = Vec::new();
+        dag.cast(&ray, |hit| {
+            all.push(hit.brick_ordinal());
+            Next::Voxel
+        });
+        let mut skipping: Vec<u32> = Vec::new();
+        dag.cast(&ray, |hit| {
+            skipping.push(hit.brick_ordinal());
+            Next::Brick
+        });
+        all.dedup();
+        assert_eq!(skipping, all, "seed 2, round {round}: {ray:?}");
+        met += all.len();
+    }
+    assert!(met > 1000, "too few bricks to mean anything: {met}");
 }
 
 #[test]

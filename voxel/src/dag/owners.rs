@@ -112,6 +112,16 @@ pub enum Owners<'a> {
 }
 
 impl Owners<'_> {
+    /// All owners of the brick, rising.
+    #[inline]
+    pub fn all(self) -> impl Iterator<Item = u32> {
+        let (one, pairs) = match self {
+            Owners::One(drawable) => (Some(drawable), [].as_slice()),
+            Owners::Several(pairs) => (None, pairs),
+        };
+        one.into_iter().chain(pairs.chunks_exact(2).map(|pair| pair[0] as u32))
+    }
+
     /// The drawables that own voxel `bit` of the brick, rising.
     #[inline]
     pub fn of_voxel(self, bit: u32) -> impl Iterator<Item = u32> {

@@ -11,13 +11,22 @@ mod ray;
 
 pub use ray::GridRay;
 
-use std::ops::ControlFlow;
-
 use crate::dag::DagRef;
 use crate::dag::node::{child_word, mask_at, slot};
 
 /// Height of the root over the largest grid, and a slot for the leaf.
 const MAX_STACK: usize = 9;
+
+/// Where a walk goes on after an occupied voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// To the next voxel.
+    Voxel,
+    /// Past the rest of this voxel's brick.
+    Brick,
+    /// Nowhere: the caller has what it wants.
+    End,
+}
 
 /// An occupied voxel that a ray crosses.
 pub struct VoxelHit<'t> {
@@ -46,8 +55,9 @@ impl VoxelHit<'_> {
 }
 
 impl DagRef<'_> {
-    /// Calls `visit` for the occupied voxels that the ray crosses, nearest first, until it breaks or the ray ends.
-    pub fn cast(&self, ray: &GridRay, mut visit: impl FnMut(&VoxelHit) -> ControlFlow<()>) {
+    /// Calls `visit` for the occupied voxels that the ray crosses, nearest first, until it says
+    /// [`Next::End`] or the ray ends.
+    pub fn cast(&self, ray: &GridRay, mut visit: impl FnMut(&VoxelHit) -> Next) {
         let Some(root) = self.root else { return };
         let side = 1 << self.log2;
         let Some(walk) = ray.enter(f64::from(side)) else { return };
@@ -83,8 +93,11 @@ impl DagRef<'_> {
             };
             if occupied {
                 let hit = VoxelHit { voxel, t: walk.ray_t(t), bit: slot(voxel, 0), dag: self, path: &path };
-                if visit(&hit).is_break() {
-                    return;
+                match visit(&hit) {
+                    Next::Voxel => {}
+                    // As if the brick were an empty cell of the node above.
+                    Next::Brick => height = 1,
+                    Next::End => return,
                 }
             }
 
@@ -112,7 +125,7 @@ impl DagRef<'_> {
         let mut first = None;
         self.cast(ray, |hit| {
             first = Some((hit.voxel, hit.t));
-            ControlFlow::Break(())
+            Next::End
         });
         first
     }

@@ -29,11 +29,13 @@ impl GridRay {
 
     /// Clips the ray to the grid of `side` voxels and re-bases it at its entry. `None` when it passes by.
     pub(super) fn enter(&self, side: f64) -> Option<Walk> {
-        let scale = self.direction.abs().max_element();
-        if !(scale > 0.0 && scale.is_finite() && self.origin.is_finite()) {
+        let largest = self.direction.abs().max_element();
+        if !(largest > 0.0 && largest.is_finite() && self.origin.is_finite()) {
             return None;
         }
-        // Exact for all but denormal vectors, which lose nothing that matters: the largest component becomes 1.
+        // The power of two below the largest component, so that the division is exact: it becomes 1 to 2.
+        let exponent = largest.to_bits() & f64::INFINITY.to_bits();
+        let scale = f64::from_bits(exponent.max(1));
         let direction = (self.direction / scale).map(|d| if d.abs() < NEGLIGIBLE { 0.0 } else { d });
         let (mut t_in, mut t_out) = (self.t_min * scale, self.t_max * scale);
         if t_in.is_nan() || t_out.is_nan() {
@@ -66,7 +68,7 @@ impl GridRay {
     }
 }
 
-/// A ray re-based at its entry into the grid; its parameter counts from there, in units of its largest component.
+/// A ray re-based at its entry into the grid; its parameter counts from there.
 pub(super) struct Walk {
     base: DVec3,
     direction: DVec3,

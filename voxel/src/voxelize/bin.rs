@@ -26,7 +26,7 @@ pub(super) enum Source {
     /// The whole drawable: load it again.
     Whole,
     /// A range of a batch's binned triangles.
-    Binned { batch: u32, start: u32, count: u32 },
+    Binned { batch: u32, start: usize, count: usize },
 }
 
 /// All entries, sorted by block and then by drawable, and the triangles of those that are spread over blocks.
@@ -74,8 +74,8 @@ impl Bins {
         &self.entries[block.entries.clone()]
     }
 
-    pub fn triangles(&self, batch: u32, start: u32, count: u32) -> &[SnappedTriangle] {
-        &self.batches[batch as usize][start as usize..][..count as usize]
+    pub fn triangles(&self, batch: u32, start: usize, count: usize) -> &[SnappedTriangle] {
+        &self.batches[batch as usize][start..][..count]
     }
 }
 
@@ -86,12 +86,12 @@ pub(super) fn bin(drawables: &dyn Drawables, block_height: u32, log2: u32) -> Re
         .par_iter()
         .enumerate()
         .map_init(SnappedMesh::default, |mesh, (batch, range)| {
-            if drawables.advance(0) {
-                return None;
-            }
             let mut entries = Vec::new();
             let mut triangles = Vec::new();
             for drawable in range.clone() {
+                if drawables.advance(0) {
+                    return None;
+                }
                 drawables.load(drawable, mesh);
                 blocks.bin(drawable, mesh, batch as u32, &mut entries, &mut triangles);
             }
@@ -198,11 +198,11 @@ impl BlockGrid {
         }
         pairs.sort_unstable();
         for of_block in pairs.chunk_by(|a, b| a.0 == b.0) {
-            let start = binned.len() as u32;
+            let start = binned.len();
             let corners =
                 |index: u32| mesh.triangles[index as usize].map(|corner| mesh.vertices[corner as usize]);
             binned.extend(of_block.iter().map(|&(_, index)| corners(index)));
-            let source = Source::Binned { batch, start, count: of_block.len() as u32 };
+            let source = Source::Binned { batch, start, count: of_block.len() };
             entries.push(Entry { key: of_block[0].0, drawable, source });
         }
     }

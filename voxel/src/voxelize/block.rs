@@ -68,7 +68,7 @@ impl Scratch {
             }
             let triangles = match entry.source {
                 Source::Whole => self.mesh.triangles.len() as u64,
-                Source::Binned { count, .. } => u64::from(count),
+                Source::Binned { count, .. } => count as u64,
             };
             if drawables.advance(triangles) {
                 return Err(DagError::Cancelled);

@@ -8,12 +8,15 @@
 //!
 //! - vertices are snapped to 1/256 voxel, integers below 2^25 for the largest grid (2^17 voxels);
 //! - a 2D edge test is a sum of two products of numbers below 2^26: below 2^53, exact in i64;
-//! - the components of the normal are below 2^52; its product with a position below 2^26 and the sum of three of them
-//!   stay below 2^80: formed once per triangle and brick in i128, from where steps inside a brick are exact in i64.
+//! - a component of the normal is twice the area of the triangle's projection into a square of side 2^25: at most 2^50.
+//!   Its product with a position below 2^26, and the sum of three of them, stay below 2^78: formed once per triangle and
+//!   brick in i128. Steps inside a brick (at most 3 voxels of 2^8 an axis) sum to less than 2^62: exact in i64.
 //!
-//! Each box is widened by one step (1/256 voxel) on every side. Snapping moves a vertex by at most half a step per
-//! axis, so every point of the *unsnapped* triangle lies within half a step of the snapped one: **no voxel touched
-//! by the real triangle is missed**; false positives come no nearer than 1.5 steps.
+//! Each box is widened by one step (1/256 voxel) on every side. Snapping moves a vertex by at most half a step per axis
+//! (and the f64 placement before it by far less: [`crate::grid::GridError::TooFine`]), so every point of the *unsnapped*
+//! triangle lies within a step of the snapped one: **no voxel touched by the real triangle is missed**. A false
+//! positive is no farther from the real triangle than 1.5 steps: half a step more than snapping alone would give, so
+//! that a ray walk that is off by 2^-10 voxel still enters a voxel that knows the triangle.
 
 use wide::i32x4;
 
