@@ -518,7 +518,8 @@ fn limits_of_depth_nodes_and_triangles_are_errors() {
     for (options, says) in [
         (ImportOptions { max_depth: 2, ..standard() }, "more than 2"),
         (ImportOptions { max_nodes: 4, ..standard() }, "more than 4 nodes"),
-        (ImportOptions { max_triangles: 1, ..standard() }, "more than 1 triangles"),
+        (ImportOptions { max_triangles: 1, ..standard() }, "more than 1 triangles;"),
+        (ImportOptions { max_placed_triangles: 1, ..standard() }, "more than 1 triangles placed"),
     ] {
         let error = with(options).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");

@@ -171,6 +171,24 @@ impl Draft {
         Ok(())
     }
 
+    /// Triangles of a shape made of `pieces`.
+    pub fn triangles_of(&self, pieces: &[Piece]) -> u64 {
+        pieces.iter().map(|piece| self.triangles(piece.part)).sum()
+    }
+
+    /// Triangles of all objects.
+    pub fn placed_triangles(&self) -> u64 {
+        self.nodes
+            .iter()
+            .filter_map(|node| node.object.as_ref())
+            .map(|object| self.triangles(object.part))
+            .sum()
+    }
+
+    fn triangles(&self, part: u32) -> u64 {
+        self.parts.get(part as usize).map_or(0, |part| part.part.mesh.triangles.len() as u64)
+    }
+
     /// Tidies a mesh's bookkeeping: stores it and returns its index, or counts it as empty.
     pub fn part(&mut self, part: HashedPart, place: impl FnOnce() -> String) -> Option<u32> {
         if part.part.mesh.triangles.is_empty() {
@@ -188,6 +206,15 @@ pub(super) fn too_many_nodes(file: &str, options: &ImportOptions) -> ImportError
         what: "nodes in the assembly tree",
         limit: options.max_nodes as u64,
         advice: "import fewer files at once, or raise max_nodes",
+    }
+}
+
+pub(super) fn too_many_placed(file: &str, options: &ImportOptions) -> ImportError {
+    ImportError::TooMany {
+        file: file.to_owned(),
+        what: "triangles placed",
+        limit: options.max_placed_triangles,
+        advice: "import fewer files at once, or raise max_placed_triangles",
     }
 }
 

@@ -58,11 +58,18 @@ pub struct ImportOptions {
     pub max_nodes: usize,
     /// Most triangles stored, each part once.
     pub max_triangles: u64,
+    /// Most triangles placed, instances counted each.
+    pub max_placed_triangles: u64,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        ImportOptions { max_depth: 256, max_nodes: 1 << 24, max_triangles: 1 << 32 }
+        ImportOptions {
+            max_depth: 256,
+            max_nodes: 1 << 24,
+            max_triangles: 1 << 32,
+            max_placed_triangles: 1 << 36,
+        }
     }
 }
 
@@ -221,6 +228,7 @@ fn misleading_extension(path: &Path, format: Format) -> Option<Format> {
 struct Joined {
     sources: Vec<SourceFile>,
     triangles: u64,
+    placed_triangles: u64,
     up_axis: Agreement<UpAxis>,
     metres_per_unit: Agreement<f64>,
 }
@@ -242,6 +250,10 @@ impl Joined {
                 limit: options.max_triangles,
                 advice: "import fewer files at once, or raise max_triangles",
             });
+        }
+        self.placed_triangles = self.placed_triangles.saturating_add(draft.placed_triangles());
+        if self.placed_triangles > options.max_placed_triangles {
+            return Err(draft::too_many_placed(&source.name, options));
         }
         Ok(())
     }
