@@ -169,7 +169,7 @@ impl<'a> Obj<'a> {
 
     fn face(&mut self, rest: &[u8], line: &[u8], number: u64) -> Result<(), ImportError> {
         self.corners.clear();
-        for word in words(rest) {
+        for word in words(rest).take_while(|word| !word.starts_with(b"#")) {
             // v, v/vt, v/vt/vn, v//vn: only v is of interest.
             let vertex = word.split(|&b| b == b'/').next().unwrap_or_default();
             let vertex = whole_number(vertex)
@@ -286,7 +286,9 @@ fn logical_line<'a>(rest: &mut &'a [u8], line_number: &mut u64) -> Cow<'a, [u8]>
         *rest = tail.get(1..).unwrap_or_default();
         *line_number += 1;
         let line = line.strip_suffix(b"\r").unwrap_or(line);
-        let continued = line.strip_suffix(b"\\").filter(|_| !rest.is_empty());
+        // A comment ends with its line, also one that ends with a Windows folder: `# made in C:\temp\`.
+        let is_comment = || words(line).any(|word| word.starts_with(b"#"));
+        let continued = line.strip_suffix(b"\\").filter(|_| !rest.is_empty() && !is_comment());
         match (continued, &mut joined) {
             (None, None) => return Cow::Borrowed(line),
             (None, Some(_)) => {
@@ -393,6 +395,18 @@ mod tests {
         assert_eq!(count("two corners"), Some(1));
         assert_eq!(count("no triangle"), Some(1));
         assert!(draft.nodes.len() == 1 && draft.nodes[0].object.is_none());
+    }
+
+    #[test]
+    fn comments_end_with_their_line_and_may_stand_behind_a_face() {
+        let draft = read_alone(
+            "# made by C:\\temp\\\nv 0 0 0\nv 1 0 0 # corner C:\\temp\\\r\nv 0 1 0\nv 0 0 1\n\
+             \t# x \\\nf 1 2 3 # face\nf 2 \\\n 3 4 #5\n",
+        )
+        .unwrap();
+        assert_eq!(draft.parts[0].part.mesh.positions[0], DVec3::ZERO);
+        assert_eq!(draft.parts[0].part.mesh.triangles, [[0, 1, 2], [1, 2, 3]]);
+        assert!(draft.findings.0.is_empty(), "{:?}", draft.findings);
     }
 
     #[test]
