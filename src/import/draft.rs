@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bytemuck::cast_slice;
 use glam::DAffine3;
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::error::{ImportError, excerpt};
 use super::repair::MAX_COORDINATE;
@@ -112,8 +112,33 @@ pub(super) struct Draft {
     pub findings: Findings,
     pub up_axis: Option<UpAxis>,
     pub metres_per_unit: Option<f64>,
-    /// Bytes read from files that this one refers to.
-    pub referred_bytes: u64,
+    pub referred: Referred,
+}
+
+/// Files that a model refers to, as they were read.
+#[derive(Default)]
+pub(super) struct Referred {
+    pub bytes: u64,
+    /// Of each file, in the order of first use.
+    hashes: Vec<u64>,
+}
+
+impl Referred {
+    pub fn add(&mut self, content: &[u8]) {
+        self.bytes += content.len() as u64;
+        self.hashes.push(xxh3_64(content));
+    }
+
+    /// The hash of a model file, or of that and those of the files it refers to.
+    pub fn hash_with(&self, model: &[u8]) -> u64 {
+        let own = xxh3_64(model);
+        if self.hashes.is_empty() {
+            return own;
+        }
+        let mut hasher = Xxh3::new();
+        std::iter::once(&own).chain(&self.hashes).for_each(|hash| hasher.update(&hash.to_le_bytes()));
+        hasher.digest()
+    }
 }
 
 impl Draft {

@@ -93,7 +93,7 @@ pub struct SourceFile {
     pub bytes: u64,
     /// What it was read as.
     pub format: Format,
-    /// XXH3-64 of the file itself.
+    /// XXH3-64 of the file; if it refers to others, of its hash and theirs, each as 8 bytes, in the order of use.
     pub xxh3: u64,
 }
 
@@ -213,8 +213,8 @@ fn read(
     }
     let size = bytes.len() as u64;
     progress.advance(size);
-    let xxh3 = xxhash_rust::xxh3::xxh3_64(&bytes);
-    let source = SourceFile { name: name.clone(), bytes: size + draft.referred_bytes, format, xxh3 };
+    let xxh3 = draft.referred.hash_with(&bytes);
+    let source = SourceFile { name: name.clone(), bytes: size + draft.referred.bytes, format, xxh3 };
     Ok(Some(ReadFile { source, draft }))
 }
 

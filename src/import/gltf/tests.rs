@@ -319,7 +319,7 @@ fn buffers_come_from_data_uris_and_files_beside_the_model_only() {
         document["buffers"][0]["uri"] = json!(uri);
         read_bytes(&inner, document.to_string().as_bytes()).map_err(|e| e.to_string())
     };
-    assert_eq!(read_with("./x/../a%20b.bin").unwrap().referred_bytes, 60);
+    assert_eq!(read_with("./x/../a%20b.bin").unwrap().referred.bytes, 60);
     for uri in
         ["../outside.bin", "%2e%2e/outside.bin", "/etc/hostname", "file:///a", "http://a/b", "C:\\a", ""]
     {
