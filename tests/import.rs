@@ -1,8 +1,7 @@
 //! The importer as users call it: real models, damaged models, folders, hostile files.
 //!
 //! Real models are in the folder `VOXSIGHT_MODELS` (default: `../shared/models` beside the checkout);
-//! without it those tests say that they are skipped. `VOXSIGHT_LONG=1` damages the big ones as often as the
-//! small ones.
+//! without it those tests say that they are skipped.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail by panicking, as tests do")]
 
@@ -258,8 +257,12 @@ fn survives(name: &str, bytes: &[u8], what: &str) {
     assert!(elapsed < Duration::from_secs(30), "{what}: {elapsed:?}");
 }
 
-/// Bytes that steer the reading: the JSON of a GLB, the header of a PLY or STL.
-fn steering_bytes(bytes: &[u8]) -> usize {
+/// Bytes that steer the reading: the JSON of a GLB, the header of a PLY or STL, the first lines of an OBJ. Most damage
+/// is done there: it goes deepest, and a file that is refused early costs little.
+fn steering_bytes(name: &str, bytes: &[u8]) -> usize {
+    if name.ends_with(".obj") {
+        return bytes.len().min(65_536);
+    }
     let json = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     if bytes.starts_with(b"glTF") { 20 + json } else { 400 }.min(bytes.len())
 }
@@ -279,10 +282,9 @@ fn with_honest_length(mut bytes: Vec<u8>) -> Vec<u8> {
 
 #[test]
 fn damaged_models_neither_panic_nor_hang() {
-    const BIG: u64 = 5_000_000;
+    const FLIPS: u64 = 200;
     const SEED: u64 = 20_261;
     let Some(folder) = models() else { return };
-    let is_long = std::env::var_os("VOXSIGHT_LONG").is_some();
     let mut files: Vec<PathBuf> = Vec::new();
     for sub in fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_dir()) {
         files.extend(fs::read_dir(sub).unwrap().map(|e| e.unwrap().path()));
@@ -294,9 +296,8 @@ fn damaged_models_neither_panic_nor_hang() {
         let start = Instant::now();
         let name = path.file_name().unwrap().to_str().unwrap();
         let bytes = fs::read(path).unwrap();
-        let flips = if is_long || (bytes.len() as u64) < BIG { 200 } else { 50 };
-        let steering = steering_bytes(&bytes) as u64;
-        (0..50 + flips).into_par_iter().for_each(|run: u64| {
+        let steering = steering_bytes(name, &bytes) as u64;
+        (0..50 + FLIPS).into_par_iter().for_each(|run: u64| {
             let mut random = Rand64::new((u128::from(SEED) << 64) + u128::from(run));
             if run < 50 {
                 let length = random.rand_range(0..bytes.len() as u64) as usize;
@@ -306,7 +307,7 @@ fn damaged_models_neither_panic_nor_hang() {
             } else {
                 let mut damaged = bytes.clone();
                 for _ in 0..1 + random.rand_range(0..6) {
-                    let end = if random.rand_range(0..4) > 0 { steering } else { bytes.len() as u64 };
+                    let end = if random.rand_range(0..10) > 0 { steering } else { bytes.len() as u64 };
                     let at = random.rand_range(0..end) as usize;
                     damaged[at] = match random.rand_range(0..3) {
                         // A number stays a number, so that the JSON stays JSON and the damage goes deeper.
@@ -319,8 +320,19 @@ fn damaged_models_neither_panic_nor_hang() {
                 survives(name, &damaged, &format!("{name} flipped (seed {SEED}, run {run})"));
             }
         });
-        println!("{name}: 50 cuts, {flips} flips, {:?}", start.elapsed());
+        println!("{name}: 50 cuts, {FLIPS} flips, {:?}", start.elapsed());
     }
+}
+
+#[test]
+fn the_hash_of_a_source_covers_the_files_it_refers_to() {
+    let folder =
+        folder_of(&[("a.obj", &format!("mtllib a.mtl\n{OBJ}")), ("a.mtl", "newmtl x\n"), ("b.obj", OBJ)]);
+    let hash = |name: &str| import_one(&folder.path().join(name)).unwrap().sources[0].xxh3;
+    let (before, alone) = (hash("a.obj"), hash("b.obj"));
+    assert_eq!(alone, xxhash_rust::xxh3::xxh3_64(OBJ.as_bytes()));
+    fs::write(folder.path().join("a.mtl"), "newmtl y\n").unwrap();
+    assert_ne!(hash("a.obj"), before);
 }
 
 /// A folder that vanishes with the test.
@@ -518,7 +530,8 @@ fn limits_of_depth_nodes_and_triangles_are_errors() {
     for (options, says) in [
         (ImportOptions { max_depth: 2, ..standard() }, "more than 2"),
         (ImportOptions { max_nodes: 4, ..standard() }, "more than 4 nodes"),
-        (ImportOptions { max_triangles: 1, ..standard() }, "more than 1 triangles"),
+        (ImportOptions { max_triangles: 1, ..standard() }, "more than 1 triangles;"),
+        (ImportOptions { max_placed_triangles: 1, ..standard() }, "more than 1 triangles placed"),
     ] {
         let error = with(options).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");

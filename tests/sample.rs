@@ -9,6 +9,7 @@ use std::sync::atomic::AtomicBool;
 use glam::{DAffine3, DMat4, DVec3, dvec3};
 use serde_json::Value;
 use voxsight::export::glb::{self, GlbError};
+use voxsight::import::{ImportOptions, UpAxis, import};
 use voxsight::model::{Colour, Mesh, Model, Node, Object, Part};
 use voxsight::progress::{CancelFlag, Silent};
 use voxsight::sample::{self, CopiesSettings, PlantSettings, SampleError};
@@ -361,8 +362,12 @@ fn a_written_model_reads_back_as_it_was() {
 
 /// A tetrahedron around `centre`.
 fn small_part(centre: DVec3) -> Part {
+    small_part_of_size(centre, 1.0)
+}
+
+fn small_part_of_size(centre: DVec3, size: f64) -> Part {
     let corners = [dvec3(0.0, 0.0, 0.0), dvec3(1.0, 0.0, 0.0), dvec3(0.0, 1.0, 0.0), dvec3(0.0, 0.0, 1.0)];
-    let positions = corners.iter().map(|corner| *corner + centre).collect();
+    let positions = corners.iter().map(|corner| *corner * size + centre).collect();
     let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     Part { name: "tetrahedron".into(), mesh: Mesh { positions, triangles } }
 }
@@ -489,6 +494,7 @@ fn copies_are_the_matrix_product_in_f64_and_share_nothing() {
         assert_eq!(summary.triangles, 3 * model.placed_triangles());
         let placements = sample::copy_placements(&model, &settings);
         assert_eq!(placements[0], DAffine3::IDENTITY);
+        let mut known = BTreeSet::new();
         for (copy, world_from_model) in placements.iter().enumerate() {
             let glb = Glb::open(&output.join(format!("copy{copy}.glb")));
             assert_eq!(glb.json["nodes"][0]["name"], format!("copy{copy}"));
@@ -503,20 +509,81 @@ fn copies_are_the_matrix_product_in_f64_and_share_nothing() {
                 .collect();
             assert_eq!(accessors.len(), 2 * model.objects.len(), "no accessor is shared");
             for (object, (name, mesh, world_from_mesh)) in model.objects.iter().zip(&placed) {
-                assert_eq!(*world_from_mesh, DMat4::IDENTITY, "{name}");
+                // Rotation and scale are baked; the node only moves.
+                let origin = world_from_mesh.w_axis.truncate();
+                assert_eq!(*world_from_mesh, DMat4::from_translation(origin), "{name}");
                 let world_from_part = *world_from_model * object.world_from_part;
                 let part = &model.parts[object.part as usize];
                 let (positions, triangles) = glb.mesh(*mesh);
+                assert_eq!(positions.len(), part.mesh.positions.len());
                 for (written, position) in positions.iter().zip(&part.mesh.positions) {
-                    let expected = world_from_part.transform_point3(*position).as_vec3().to_array();
-                    assert_eq!(*written, expected, "{name}");
+                    let expected = world_from_part.transform_point3(*position) - origin;
+                    assert_eq!(*written, expected.as_vec3().to_array(), "{name}");
                 }
+                let bits: Vec<_> = positions.iter().flatten().map(|c| c.to_bits()).collect();
+                assert!(known.insert(bits), "{name} has the vertices of another object");
                 let world = |corner: u32| glam::Vec3::from(positions[corner as usize]).as_dvec3();
                 let volume = triangles.iter().map(|&[a, b, c]| {
                     (world(a) - world(0)).dot((world(b) - world(a)).cross(world(c) - world(a)))
                 });
                 assert!(volume.sum::<f64>() > 0.0, "{name} is inside out");
             }
+        }
+    }
+}
+
+#[test]
+fn copies_at_map_coordinates_are_as_fine_as_at_the_origin() {
+    let map = dvec3(90_409.251, 435_440.123_456, -3.2);
+    let tiny = |x: f64| small_part_of_size(map + dvec3(x, 0.0, 0.0), 0.01);
+    let mut model = model_of(vec![tiny(0.0), tiny(0.5)], DAffine3::IDENTITY);
+    // The second object below the first one: nodes move what is below them.
+    let below = model.objects[1].node as usize;
+    model.nodes[below].parent = Some(model.objects[0].node);
+    let folder = tempfile::tempdir().unwrap();
+    let settings = CopiesSettings { copies: 2, up: UpAxis::Z, ..CopiesSettings::default() };
+    let output = folder.path().join("copies");
+    sample::write_copies(&model, &settings, &output, &Silent).unwrap();
+    let imported = import(&[output], &ImportOptions::default(), &Silent).unwrap();
+    assert!(imported.findings.0.keys().all(|what| !what.contains("dropped")), "{:?}", imported.findings);
+    let copies = &imported.model;
+    assert_eq!((copies.parts.len(), copies.objects.len()), (4, 4));
+    let placements = sample::copy_placements(&model, &settings);
+    let expected = placements.iter().flat_map(|placement| model.objects.iter().map(move |o| (placement, o)));
+    for ((placement, original), written) in expected.zip(&copies.objects) {
+        let world = |model: &Model, object: &Object, by: &DAffine3| -> BTreeSet<[i64; 3]> {
+            let nanometres = |p: &DVec3| {
+                let at = by.transform_point3(object.world_from_part.transform_point3(*p));
+                ((at - map) * 1e8).round().as_i64vec3().to_array()
+            };
+            model.parts[object.part as usize].mesh.positions.iter().map(nanometres).collect()
+        };
+        let (a, b) = (world(&model, original, placement), world(copies, written, &DAffine3::IDENTITY));
+        assert_eq!(a.len(), b.len());
+        let near = |p: &[i64; 3]| b.iter().any(|q| (0..3).all(|k| (p[k] - q[k]).abs() <= 2));
+        assert!(a.iter().all(near), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn copies_stand_upright_on_any_axis() {
+    // Longest upwards: the pitch is the larger of the other two sizes.
+    for (up_axis, up) in [(UpAxis::X, DVec3::X), (UpAxis::Y, DVec3::Y), (UpAxis::Z, DVec3::Z)] {
+        let mut part = small_part(dvec3(5.0, 6.0, 7.0));
+        part.mesh.positions.iter_mut().for_each(|p| *p += up * 9.0 * p.dot(up));
+        let model = model_of(vec![part.clone()], DAffine3::IDENTITY);
+        let settings = CopiesSettings { copies: 4, up: up_axis, ..CopiesSettings::default() };
+        let placements = sample::copy_placements(&model, &settings);
+        let positions = &part.mesh.positions;
+        let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let centre = (low + high) / 2.0;
+        for (copy, placement) in placements.iter().enumerate() {
+            let tilt_deg = placement.transform_vector3(up).angle_between(up).to_degrees();
+            assert!((tilt_deg - [0.0, 3.0][copy % 2]).abs() < 1e-6, "{up_axis:?} copy {copy}: {tilt_deg}");
+            let moved = placement.transform_point3(centre) - centre;
+            let expected = 1.1 * ((copy % 2) as f64).hypot((copy / 2) as f64);
+            assert!(moved.dot(up).abs() < 1e-9 && (moved.length() - expected).abs() < 1e-9, "{moved}");
         }
     }
 }

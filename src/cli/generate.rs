@@ -8,7 +8,7 @@ use super::Failure;
 use super::numbers::parse_count;
 use super::output::{human_bytes, human_count, print_out};
 use super::progress::TerminalProgress;
-use crate::import::{ImportOptions, import};
+use crate::import::{ImportOptions, UpAxis, import};
 use crate::sample::{CopiesSettings, PlantSettings, WriteSummary, write_copies, write_plant};
 
 /// What to generate.
@@ -61,7 +61,8 @@ impl Generate {
             }
             Generate::Copies(Copies { model, copies, overlap, output }) => {
                 let imported = import(&[model], &ImportOptions::default(), progress)?;
-                let settings = CopiesSettings { copies, overlap, ..CopiesSettings::default() };
+                let up = imported.up_axis.unwrap_or(UpAxis::Z);
+                let settings = CopiesSettings { copies, overlap, up, ..CopiesSettings::default() };
                 write_copies(&imported.model, &settings, &output, progress)?
             }
         };

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bytemuck::cast_slice;
 use glam::DAffine3;
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::error::{ImportError, excerpt};
 use super::repair::MAX_COORDINATE;
@@ -112,8 +112,33 @@ pub(super) struct Draft {
     pub findings: Findings,
     pub up_axis: Option<UpAxis>,
     pub metres_per_unit: Option<f64>,
-    /// Bytes read from files that this one refers to.
-    pub referred_bytes: u64,
+    pub referred: Referred,
+}
+
+/// Files that a model refers to, as they were read.
+#[derive(Default)]
+pub(super) struct Referred {
+    pub bytes: u64,
+    /// Of each file, in the order of first use.
+    hashes: Vec<u64>,
+}
+
+impl Referred {
+    pub fn add(&mut self, content: &[u8]) {
+        self.bytes += content.len() as u64;
+        self.hashes.push(xxh3_64(content));
+    }
+
+    /// The hash of a model file, or of that and those of the files it refers to.
+    pub fn hash_with(&self, model: &[u8]) -> u64 {
+        let own = xxh3_64(model);
+        if self.hashes.is_empty() {
+            return own;
+        }
+        let mut hasher = Xxh3::new();
+        std::iter::once(&own).chain(&self.hashes).for_each(|hash| hasher.update(&hash.to_le_bytes()));
+        hasher.digest()
+    }
 }
 
 impl Draft {
@@ -171,6 +196,24 @@ impl Draft {
         Ok(())
     }
 
+    /// Triangles of a shape made of `pieces`.
+    pub fn triangles_of(&self, pieces: &[Piece]) -> u64 {
+        pieces.iter().map(|piece| self.triangles(piece.part)).sum()
+    }
+
+    /// Triangles of all objects.
+    pub fn placed_triangles(&self) -> u64 {
+        self.nodes
+            .iter()
+            .filter_map(|node| node.object.as_ref())
+            .map(|object| self.triangles(object.part))
+            .sum()
+    }
+
+    fn triangles(&self, part: u32) -> u64 {
+        self.parts.get(part as usize).map_or(0, |part| part.part.mesh.triangles.len() as u64)
+    }
+
     /// Tidies a mesh's bookkeeping: stores it and returns its index, or counts it as empty.
     pub fn part(&mut self, part: HashedPart, place: impl FnOnce() -> String) -> Option<u32> {
         if part.part.mesh.triangles.is_empty() {
@@ -188,6 +231,15 @@ pub(super) fn too_many_nodes(file: &str, options: &ImportOptions) -> ImportError
         what: "nodes in the assembly tree",
         limit: options.max_nodes as u64,
         advice: "import fewer files at once, or raise max_nodes",
+    }
+}
+
+pub(super) fn too_many_placed(file: &str, options: &ImportOptions) -> ImportError {
+    ImportError::TooMany {
+        file: file.to_owned(),
+        what: "triangles placed",
+        limit: options.max_placed_triangles,
+        advice: "import fewer files at once, or raise max_placed_triangles",
     }
 }
 

@@ -58,11 +58,18 @@ pub struct ImportOptions {
     pub max_nodes: usize,
     /// Most triangles stored, each part once.
     pub max_triangles: u64,
+    /// Most triangles placed, instances counted each.
+    pub max_placed_triangles: u64,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        ImportOptions { max_depth: 256, max_nodes: 1 << 24, max_triangles: 1 << 32 }
+        ImportOptions {
+            max_depth: 256,
+            max_nodes: 1 << 24,
+            max_triangles: 1 << 32,
+            max_placed_triangles: 1 << 36,
+        }
     }
 }
 
@@ -86,7 +93,7 @@ pub struct SourceFile {
     pub bytes: u64,
     /// What it was read as.
     pub format: Format,
-    /// XXH3-64 of the file itself.
+    /// XXH3-64 of the file; if it refers to others, of its hash and theirs, each as 8 bytes, in the order of use.
     pub xxh3: u64,
 }
 
@@ -206,8 +213,8 @@ fn read(
     }
     let size = bytes.len() as u64;
     progress.advance(size);
-    let xxh3 = xxhash_rust::xxh3::xxh3_64(&bytes);
-    let source = SourceFile { name: name.clone(), bytes: size + draft.referred_bytes, format, xxh3 };
+    let xxh3 = draft.referred.hash_with(&bytes);
+    let source = SourceFile { name: name.clone(), bytes: size + draft.referred.bytes, format, xxh3 };
     Ok(Some(ReadFile { source, draft }))
 }
 
@@ -221,6 +228,7 @@ fn misleading_extension(path: &Path, format: Format) -> Option<Format> {
 struct Joined {
     sources: Vec<SourceFile>,
     triangles: u64,
+    placed_triangles: u64,
     up_axis: Agreement<UpAxis>,
     metres_per_unit: Agreement<f64>,
 }
@@ -242,6 +250,10 @@ impl Joined {
                 limit: options.max_triangles,
                 advice: "import fewer files at once, or raise max_triangles",
             });
+        }
+        self.placed_triangles = self.placed_triangles.saturating_add(draft.placed_triangles());
+        if self.placed_triangles > options.max_placed_triangles {
+            return Err(draft::too_many_placed(&source.name, options));
         }
         Ok(())
     }

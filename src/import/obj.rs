@@ -1,6 +1,6 @@
 //! Wavefront OBJ: polygons in groups, coloured by the materials of MTL libraries.
 //!
-//! Each `o` or `g` that has faces is a node. If its materials have one colour it carries one object;
+//! Each `o` or `g` that has faces is a node; groups that follow an `o` are nodes below it. If its materials have one colour it carries one object;
 //! otherwise each colour is a child node with an object. Texture coordinates and normals are not read, so
 //! corners that differ only there are one vertex. Concave polygons are cut properly up to 256 corners.
 //! Vertices may follow the faces that use them. The fourth number of `v` (a weight of rational curves) and
@@ -37,6 +37,8 @@ struct Bucket {
 /// Faces between one `o` or `g` and the next.
 struct Group {
     name: String,
+    /// Index in [`Obj::objects`] of the `o` that it belongs to, if there was one.
+    object: Option<usize>,
     buckets: Vec<Bucket>,
     by_colour: HashMap<Colour, usize>,
     /// Bucket of the last face.
@@ -46,7 +48,7 @@ struct Group {
 pub(super) fn read(source: &Source) -> Result<Draft, ImportError> {
     let mut parser = Obj::new(source);
     parser.parse()?;
-    let Obj { positions, groups, mut draft, .. } = parser;
+    let Obj { positions, groups, objects, mut draft, .. } = parser;
 
     let buckets: Vec<_> = groups.iter().flat_map(|g| g.buckets.iter().map(move |b| (g, b))).collect();
     let tidied: Vec<(HashedPart, Findings)> = buckets
@@ -56,8 +58,20 @@ pub(super) fn read(source: &Source) -> Result<Draft, ImportError> {
     source.check_cancelled()?;
 
     let mut tidied = tidied.into_iter();
+    // The last `o` that has a node, and its node.
+    let mut above: Option<(usize, u32)> = None;
     for group in &groups {
-        let node = draft.node(source, group.name.clone(), None, None)?;
+        let known = above.filter(|(object, _)| Some(*object) == group.object).map(|(_, node)| node);
+        let object = group.object.and_then(|object| Some((object, objects.get(object)?)));
+        let node = match (known, object) {
+            (None, Some((id, object))) => {
+                let node = draft.node(source, object.clone(), None, None)?;
+                above = Some((id, node));
+                let is_itself = *object == group.name;
+                if is_itself { node } else { draft.node(source, group.name.clone(), Some(node), None)? }
+            }
+            (parent, _) => draft.node(source, group.name.clone(), parent, None)?,
+        };
         let mut pieces = Vec::new();
         for (bucket, (part, findings)) in group.buckets.iter().zip(&mut tidied) {
             draft.findings.merge(findings);
@@ -102,6 +116,10 @@ struct Obj<'a> {
     group: Group,
     /// Name of the group that the next face opens; `None` if it goes to the current one.
     next_group: Option<String>,
+    /// Names of all `o` so far; groups belong to the last one.
+    objects: Vec<String>,
+    /// The last `o`, unless it has no name.
+    object: Option<usize>,
     materials: Materials,
     libraries: Vec<String>,
     material: String,
@@ -117,8 +135,10 @@ impl<'a> Obj<'a> {
             source,
             positions: Vec::new(),
             groups: Vec::new(),
-            group: Group::new(source.stem()),
+            group: Group::new(source.stem(), None),
             next_group: None,
+            objects: Vec::new(),
+            object: None,
             materials: Materials::default(),
             libraries: Vec::new(),
             material: String::new(),
@@ -154,7 +174,13 @@ impl<'a> Obj<'a> {
                 self.positions.push(DVec3::from_array(position));
             }
             b"f" | b"fo" => self.face(rest, line, number)?,
-            b"o" | b"g" => self.next_group = Some(name(rest)),
+            b"o" => {
+                let name = name(rest);
+                self.object = (!name.is_empty()).then_some(self.objects.len());
+                self.objects.extend(self.object.map(|_| name.clone()));
+                self.next_group = Some(name);
+            }
+            b"g" => self.next_group = Some(name(rest)),
             b"usemtl" => self.use_material(name(rest)),
             b"mtllib" => self.library(&name(rest)),
             b"l" | b"p" => {
@@ -169,7 +195,7 @@ impl<'a> Obj<'a> {
 
     fn face(&mut self, rest: &[u8], line: &[u8], number: u64) -> Result<(), ImportError> {
         self.corners.clear();
-        for word in words(rest) {
+        for word in words(rest).take_while(|word| !word.starts_with(b"#")) {
             // v, v/vt, v/vt/vn, v//vn: only v is of interest.
             let vertex = word.split(|&b| b == b'/').next().unwrap_or_default();
             let vertex = whole_number(vertex)
@@ -198,7 +224,7 @@ impl<'a> Obj<'a> {
 
     /// Puts the current group away, if it has faces, and opens one called `next`.
     fn finish_group(&mut self, next: String) {
-        let done = std::mem::replace(&mut self.group, Group::new(next));
+        let done = std::mem::replace(&mut self.group, Group::new(next, self.object));
         if !done.buckets.is_empty() {
             self.groups.push(done);
         }
@@ -236,7 +262,7 @@ impl<'a> Obj<'a> {
         self.libraries.push(file.to_owned());
         match files::read_beside(self.source, file) {
             Ok(library) => {
-                self.draft.referred_bytes += library.len() as u64;
+                self.draft.referred.add(&library);
                 self.materials.add(&library);
             }
             // `mtllib a.mtl b.mtl` and a name with a space cannot be told apart but by trying.
@@ -258,8 +284,8 @@ impl<'a> Obj<'a> {
 }
 
 impl Group {
-    fn new(name: String) -> Self {
-        Group { name, buckets: Vec::new(), by_colour: HashMap::new(), last: 0 }
+    fn new(name: String, object: Option<usize>) -> Self {
+        Group { name, object, buckets: Vec::new(), by_colour: HashMap::new(), last: 0 }
     }
 
     /// Where triangles of this colour go; a new bucket is called by the material.
@@ -286,7 +312,9 @@ fn logical_line<'a>(rest: &mut &'a [u8], line_number: &mut u64) -> Cow<'a, [u8]>
         *rest = tail.get(1..).unwrap_or_default();
         *line_number += 1;
         let line = line.strip_suffix(b"\r").unwrap_or(line);
-        let continued = line.strip_suffix(b"\\").filter(|_| !rest.is_empty());
+        // A comment ends with its line, also one that ends with a Windows folder: `# made in C:\temp\`.
+        let is_comment = || words(line).any(|word| word.starts_with(b"#"));
+        let continued = line.strip_suffix(b"\\").filter(|_| !rest.is_empty() && !is_comment());
         match (continued, &mut joined) {
             (None, None) => return Cow::Borrowed(line),
             (None, Some(_)) => {
@@ -348,7 +376,7 @@ mod tests {
         )
         .unwrap();
         let names: Vec<_> = draft.nodes.iter().map(|n| n.name.as_str()).collect();
-        assert_eq!(names, ["quad of four", "hull 2"]);
+        assert_eq!(names, ["empty", "quad of four", "hull 2"]);
         let [quad, second] = [0, 1].map(|i| &draft.parts[i].part.mesh);
         assert_eq!(quad.positions[0].x, 435_440.123456);
         assert_eq!(quad.triangles, [[0, 1, 2], [0, 2, 3]]);
@@ -380,7 +408,7 @@ mod tests {
         assert_eq!(nodes, expected);
         assert_eq!(draft.parts[0].part.mesh.triangles.len(), 2);
         assert_eq!(draft.findings.0["materials not found: grey is used"].first, "hull.obj: \"blue\"");
-        assert_eq!(draft.referred_bytes, library.len() as u64);
+        assert_eq!(draft.referred.bytes, library.len() as u64);
     }
 
     #[test]
@@ -393,6 +421,40 @@ mod tests {
         assert_eq!(count("two corners"), Some(1));
         assert_eq!(count("no triangle"), Some(1));
         assert!(draft.nodes.len() == 1 && draft.nodes[0].object.is_none());
+    }
+
+    #[test]
+    fn groups_of_an_object_stand_below_it() {
+        let draft = read_alone(
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\ng loose\nf 1 2 3\no Pump\ng Pump_red\nf 1 2 3\ng Pump_blue\nf 1 2 3\n\
+             o Valve\nf 1 2 3\ng handle\nf 1 2 3\no none\no Bolt\ng Bolt\nf 1 2 3\no Bolt\nf 1 2 3\n",
+        )
+        .unwrap();
+        let nodes: Vec<_> =
+            draft.nodes.iter().map(|n| (n.name.as_str(), n.parent, n.object.is_some())).collect();
+        let expected = [
+            ("loose", None, true),
+            ("Pump", None, false),
+            ("Pump_red", Some(1), true),
+            ("Pump_blue", Some(1), true),
+            ("Valve", None, true),
+            ("handle", Some(4), true),
+            ("Bolt", None, true),
+            ("Bolt", None, true),
+        ];
+        assert_eq!(nodes, expected);
+    }
+
+    #[test]
+    fn comments_end_with_their_line_and_may_stand_behind_a_face() {
+        let draft = read_alone(
+            "# made by C:\\temp\\\nv 0 0 0\nv 1 0 0 # corner C:\\temp\\\r\nv 0 1 0\nv 0 0 1\n\
+             \t# x \\\nf 1 2 3 # face\nf 2 \\\n 3 4 #5\n",
+        )
+        .unwrap();
+        assert_eq!(draft.parts[0].part.mesh.positions[0], DVec3::ZERO);
+        assert_eq!(draft.parts[0].part.mesh.triangles, [[0, 1, 2], [1, 2, 3]]);
+        assert!(draft.findings.0.is_empty(), "{:?}", draft.findings);
     }
 
     #[test]

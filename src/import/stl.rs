@@ -169,7 +169,13 @@ fn read_ascii(source: &Source, draft: &mut Draft) -> Result<Vec<(String, Soup)>,
         if words_read.is_multiple_of(65_536) {
             source.check_cancelled()?;
         }
-        match word.to_ascii_lowercase().as_slice() {
+        let keyword = word.to_ascii_lowercase();
+        let ends_the_outline =
+            matches!(keyword.as_slice(), b"solid" | b"endsolid" | b"facet" | b"endfacet" | b"outer");
+        if ends_the_outline && !outline.is_empty() {
+            return Err(source.syntax(words.line, "endloop behind the vertices of a facet", word));
+        }
+        match keyword.as_slice() {
             b"solid" => {
                 let given = name(words.rest_of_line());
                 let stem = source.stem();
@@ -181,12 +187,11 @@ fn read_ascii(source: &Source, draft: &mut Draft) -> Result<Vec<(String, Soup)>,
                 words.rest_of_line();
                 is_open = false;
             }
-            b"facet" => outline.clear(),
             // Three numbers follow `normal`; they are computed again where they are needed.
             b"normal" => (0..3).for_each(|_| {
                 words.next();
             }),
-            b"outer" | b"loop" | b"endfacet" => {}
+            b"facet" | b"outer" | b"loop" | b"endfacet" => {}
             b"vertex" => {
                 let mut coordinate = || {
                     let word = words.next().unwrap_or_default();
@@ -314,6 +319,12 @@ mod tests {
             ("\nendloop\n", 6, "endloop"),
             ("vortex 1 2 3", 5, "vortex"),
             ("vertex 1 2 3\n", 6, ""),
+            // Not a triangle less without a word.
+            ("vertex 1 2 3\nvertex 1 2 4\nendfacet\nendsolid\n", 7, "endfacet"),
+            ("vertex 1 2 3\nvertex 1 2 4\nfacet normal 0 0 1\n", 7, "facet"),
+            ("vertex 1 2 3\nvertex 1 2 4\nouter loop\n", 7, "outer"),
+            ("vertex 1 2 3\nvertex 1 2 4\nendsolid x\n", 7, "endsolid"),
+            ("vertex 1 2 3\nvertex 1 2 4\nsolid y\n", 7, "solid"),
         ] {
             let error = read_bytes(format!("{head}{tail}").as_bytes()).err().map(|e| e.to_string()).unwrap();
             assert!(error.contains(&format!("line {line}:")) && error.contains(found), "{error}");

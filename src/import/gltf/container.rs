@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::json::Document;
 use crate::import::detect::without_byte_order_mark;
-use crate::import::draft::Source;
+use crate::import::draft::{Referred, Source};
 use crate::import::error::{ImportError, excerpt};
 use crate::import::files;
 
@@ -74,7 +74,7 @@ pub(super) struct Buffers<'a> {
     bin: Option<&'a [u8]>,
     loaded: Vec<Vec<u8>>,
     places: Vec<Place>,
-    file_bytes: u64,
+    referred: Referred,
 }
 
 /// Where the content of a buffer is.
@@ -95,7 +95,8 @@ enum Content {
 impl<'a> Buffers<'a> {
     /// Loads what is outside the binary chunk. The length of each buffer is checked.
     pub fn load(source: &Source, document: &Document, bin: Option<&'a [u8]>) -> Result<Self, ImportError> {
-        let mut buffers = Buffers { bin, loaded: Vec::new(), places: Vec::new(), file_bytes: 0 };
+        let mut buffers =
+            Buffers { bin, loaded: Vec::new(), places: Vec::new(), referred: Referred::default() };
         // A file that a thousand buffers name is loaded once.
         let mut files: HashMap<PathBuf, usize> = HashMap::new();
         for (i, buffer) in document.buffers.iter().enumerate() {
@@ -115,7 +116,7 @@ impl<'a> Buffers<'a> {
                     let index = known.map_or_else(
                         || {
                             let content = files::read_beside(source, &name)?;
-                            buffers.file_bytes += content.len() as u64;
+                            buffers.referred.add(&content);
                             buffers.loaded.push(content);
                             Ok(buffers.loaded.len() - 1)
                         },
@@ -145,7 +146,12 @@ impl<'a> Buffers<'a> {
 
     /// Bytes in files beside the model.
     pub fn file_bytes(&self) -> u64 {
-        self.file_bytes
+        self.referred.bytes
+    }
+
+    /// Hands over what was read beside the model.
+    pub fn into_referred(self) -> Referred {
+        self.referred
     }
 
     fn all_of(&self, place: &Place) -> Option<&[u8]> {

@@ -38,7 +38,6 @@ pub(super) fn read(source: &Source) -> Result<Draft, ImportError> {
     let buffers = Buffers::load(source, &document, bin)?;
 
     let mut draft = Draft { up_axis: Some(UpAxis::Y), metres_per_unit: Some(1.0), ..Draft::default() };
-    draft.referred_bytes = buffers.file_bytes();
     let animations = document.animations.0.len() as u64;
     draft.findings.add("animations ignored: rest pose used", animations, || source.name.to_owned());
 
@@ -47,5 +46,6 @@ pub(super) fn read(source: &Source) -> Result<Draft, ImportError> {
     let paints = material::paints(&document);
     let pieces = mesh::decode(contents, &used, &paints, &mut draft)?;
     scene::build(contents, &used, &pieces, &mut draft)?;
+    draft.referred = buffers.into_referred();
     Ok(draft)
 }

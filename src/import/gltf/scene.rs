@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use glam::DAffine3;
 
 use super::accessor::{Component, Contents, Elements};
-use super::json::{Document, Instancing};
+use super::json::{Document, Instancing, Node};
 use super::transform;
-use crate::import::draft::{Draft, Piece, Source};
+use crate::import::draft::{Draft, Piece, Source, too_many_nodes, too_many_placed};
 use crate::import::error::ImportError;
 
 /// A node to visit.
@@ -69,6 +69,7 @@ pub(super) fn build(
     draft: &mut Draft,
 ) -> Result<(), ImportError> {
     let Contents { source, document, .. } = contents;
+    draft.nodes.reserve(limit_growth(contents, used, pieces_of_mesh, draft)?);
     let visit = |node, parent, world_from_parent| Visit { node, parent, world_from_parent };
     let roots = roots(source, document)?;
     let mut waiting: Vec<Visit> =
@@ -91,13 +92,11 @@ pub(super) fn build(
         let name = name.unwrap_or_else(|| format!("node {id}"));
         let extras = node.extras.as_ref().map(ToString::to_string);
         let at = draft.node(source, name, parent, extras)?;
-        let pieces = node.mesh.and_then(|mesh| used.binary_search(&mesh).ok());
-        if let Some(pieces) = pieces.and_then(|i| pieces_of_mesh.get(i)) {
+        if let Some(pieces) = pieces_of(node, used, pieces_of_mesh) {
             match &node.extensions.instancing {
                 None => draft.place(source, at, world_from_node, pieces)?,
                 Some(instancing) => {
                     let instances = instances(contents, id, instancing)?;
-                    limit_instances(contents, draft.nodes.len() + instances.len())?;
                     for (i, node_from_instance) in instances.enumerate() {
                         let instance = draft.node(source, format!("#{i}"), Some(at), None)?;
                         draft.place(source, instance, world_from_node * node_from_instance, pieces)?;
@@ -112,15 +111,53 @@ pub(super) fn build(
     Ok(())
 }
 
-/// A small file can place a mesh a million times by naming one accessor in many nodes. An honest instance has
-/// 12 bytes at least, shared by few.
-fn limit_instances(contents: Contents, nodes: usize) -> Result<(), ImportError> {
-    let limit = contents.total_bytes.saturating_mul(4);
-    if nodes as u64 > limit {
-        let advice = "its instances share data beyond reason; export it again";
-        return Err(contents.source.too_many("instances", limit, advice));
+fn pieces_of<'a>(node: &Node, used: &[usize], pieces_of_mesh: &'a [Vec<Piece>]) -> Option<&'a [Piece]> {
+    let at = used.binary_search(&node.mesh?).ok()?;
+    pieces_of_mesh.get(at).map(Vec::as_slice)
+}
+
+/// Nodes that [`build`] will add, counted before the first is made. A small file can ask for millions of them, by
+/// naming one accessor of instances or one mesh of many colours in many nodes. An honest instance has 12 bytes at
+/// least, an honest colour dozens.
+fn limit_growth(
+    contents: Contents,
+    used: &[usize],
+    pieces_of_mesh: &[Vec<Piece>],
+    draft: &Draft,
+) -> Result<usize, ImportError> {
+    let Contents { source, document, .. } = contents;
+    let (mut nodes, mut triangles) = (0_u64, 0_u64);
+    let mut waiting = roots(source, document)?;
+    while let Some(id) = waiting.pop() {
+        let Some(node) = document.nodes.get(id) else { continue };
+        waiting.extend(&node.children);
+        nodes = nodes.saturating_add(1);
+        let Some(pieces) = pieces_of(node, used, pieces_of_mesh) else { continue };
+        // A single piece needs no node of its own.
+        let below = if pieces.len() == 1 { 0 } else { pieces.len() as u64 };
+        let (copies, added) = match &node.extensions.instancing {
+            None => (1, below),
+            Some(instancing) => {
+                let instances = instances(contents, id, instancing)?.len() as u64;
+                (instances, instances.saturating_mul(1 + below))
+            }
+        };
+        nodes = nodes.saturating_add(added);
+        let placed = copies.saturating_mul(draft.triangles_of(pieces));
+        triangles = triangles.saturating_add(placed);
     }
-    Ok(())
+    let limit = contents.total_bytes.saturating_mul(4);
+    if nodes > limit {
+        let advice = "its nodes share data beyond reason; export it again";
+        return Err(source.too_many("nodes, instances and pieces of meshes", limit, advice));
+    }
+    if nodes > source.options.max_nodes as u64 {
+        return Err(too_many_nodes(source.name, source.options));
+    }
+    if triangles > source.options.max_placed_triangles {
+        return Err(too_many_placed(source.name, source.options));
+    }
+    Ok(nodes as usize)
 }
 
 /// Placements of EXT_mesh_gpu_instancing.

@@ -265,6 +265,28 @@ fn gpu_instances_become_child_nodes() {
 }
 
 #[test]
+fn many_nodes_that_share_a_mesh_of_many_colours_are_refused_before_they_are_made() {
+    let (mut document, bin) = square();
+    let colour =
+        |i: usize| json!({"pbrMetallicRoughness": {"baseColorFactor": [i as f64 / 1000.0, 0, 0, 1]}});
+    document["materials"] = (0..100).map(|i| colour(10 * i)).collect();
+    let primitive = |i: usize| json!({"attributes": {"POSITION": 0}, "indices": 1, "material": i});
+    document["meshes"][0]["primitives"] = (0..100).map(primitive).collect();
+    let with_nodes = |count: usize| {
+        let mut document = document.clone();
+        document["nodes"] = (0..count).map(|_| json!({"mesh": 0})).collect();
+        document["scenes"][0]["nodes"] = (0..count).collect();
+        document
+    };
+    let colours = read_json(&with_nodes(1), &bin).unwrap().nodes.len() - 1;
+    assert!(colours > 50, "{colours} differ in 8 bits");
+    let draft = read_json(&with_nodes(200), &bin).unwrap();
+    assert_eq!(draft.nodes.len(), 200 * (1 + colours));
+    let error = error_of(&with_nodes(20_000), &bin);
+    assert!(error.contains("pieces of meshes; its nodes share data beyond reason"), "{error}");
+}
+
+#[test]
 fn extensions_that_change_geometry_are_refused_by_name_before_any_buffer_is_loaded() {
     let (mut document, bin) = square();
     document["buffers"][0]["uri"] = json!("gone.bin");
@@ -297,7 +319,7 @@ fn buffers_come_from_data_uris_and_files_beside_the_model_only() {
         document["buffers"][0]["uri"] = json!(uri);
         read_bytes(&inner, document.to_string().as_bytes()).map_err(|e| e.to_string())
     };
-    assert_eq!(read_with("./x/../a%20b.bin").unwrap().referred_bytes, 60);
+    assert_eq!(read_with("./x/../a%20b.bin").unwrap().referred.bytes, 60);
     for uri in
         ["../outside.bin", "%2e%2e/outside.bin", "/etc/hostname", "file:///a", "http://a/b", "C:\\a", ""]
     {
