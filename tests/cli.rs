@@ -101,15 +101,13 @@ fn pictures_have_the_size_asked_for_and_show_something() {
     let sample = Sample::new();
     let (scene, camera) = (sample.path("plant.vxs"), sample.path("camera.json"));
     for (name, flags) in [
-        ("sun.png", vec!["--shadows", "voxel"]),
-        ("exact.png", vec!["--shadows", "exact", "--sun", "-1,2,0.5"]),
+        ("sun.png", vec!["--spp", "1", "--shadows", "voxel"]),
+        ("exact.png", vec!["--spp", "1", "--shadows", "exact", "--sun", "-1,2,0.5"]),
         ("head.png", vec!["--light", "headlight"]),
         ("depth.png", vec!["--depth"]),
     ] {
         let picture = sample.path(name);
-        let mut args = vec![
-            "render", &scene, "--camera", &camera, "--size", "64x48", "--spp", "1", "-q", "-o", &picture,
-        ];
+        let mut args = vec!["render", &scene, "--camera", &camera, "--size", "64x48", "-q", "-o", &picture];
         args.extend(flags);
         ok(&args);
         let image = image::open(&picture).unwrap().into_rgb8();
@@ -189,7 +187,7 @@ fn trouble_is_told_with_a_reason_and_an_exit_code() {
             .contains("cannot be used")
     );
     assert!(fails(&["build", &model, "--voxel-size", "1um", "-o", &out], 1).contains("131,072"));
-    assert!(fails(&["build", &model, "--memory", "1M", "-o", &out], 1).contains("--memory"));
+    assert!(fails(&["build", &model, "--memory", "1M", "-o", &out], 1).contains("memory"));
     assert!(fails(&["info", &model], 1).contains("GLB"));
     assert!(fails(&["find", &scene, "no such part"], 1).contains("no such part"));
     assert!(fails(&["visible", &scene, "--camera", &scene], 1).contains("plant.vxs"));
@@ -200,6 +198,9 @@ fn trouble_is_told_with_a_reason_and_an_exit_code() {
     .unwrap();
     assert!(fails(&["visible", &scene, "--camera", &camera], 1).contains("target"));
     assert!(fails(&["render", &scene, "-o", "picture.jpg"], 1).contains("PNG"));
+    fails(&["render", &scene, "--ids", "--spp", "2", "-o", "picture.png"], 2);
+    let no_shadow = ["render", &scene, "--light", "headlight", "--shadows", "exact", "-o", "picture.png"];
+    assert!(fails(&no_shadow, 1).contains("headlight"));
     let error = fails(&["generate", "copies", &model, "--copies", "2", "--overlap=-1", "-o", &out], 1);
     assert!(error.contains("overlap"), "{error}");
 }

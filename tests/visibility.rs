@@ -81,7 +81,7 @@ fn exact_agrees_with_brute_force_on_random_scenes_near_and_far_from_the_origin()
         for camera in cameras(&loaded, (97, 61)) {
             seen += compare_with_brute_force(&format!("seed {seed}"), &loaded, &flat, &camera).0;
         }
-        assert!(seen > 2000, "seed {seed}: only {seen} pixels hit anything");
+        assert!(seen > 1200, "seed {seed}: only {seen} pixels hit anything");
     }
 }
 
