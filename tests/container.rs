@@ -728,11 +728,11 @@ fn placements_that_mean_nothing_are_not_sound() {
 
 #[test]
 fn metadata_that_belongs_to_another_scene_is_not_sound() {
-    // Of the same length, so that the sections stay where they are.
+    // Written over the old text (and digits after it), so that the sections stay where they are.
     for (old, new, text) in [
         ("\"resolution\": 64", "\"resolution\": 65", "expected a resolution of 64"),
         ("\"max\": [\n      1", "\"max\": [\n      2", "as the objects have"),
-        ("\"voxel_size\": 15", "\"voxel_size\": 10", "expected a grid around"),
+        ("\"voxel_size\": 1", "\"voxel_size\": 10", "expected a grid around"),
     ] {
         let message = verify_forged(|forgery| {
             let meta = forgery.section(SectionKind::Meta).unwrap();
