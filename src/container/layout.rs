@@ -36,8 +36,8 @@ pub const MAX_LEVEL_TRIANGLES: u32 = 65_536;
 pub const MAX_COORDINATE: i32 = 1 << 24;
 /// Smallest quantization step: a normal f32, so that no decoded coordinate is ever flushed to zero.
 pub const MIN_STEP: f32 = f32::MIN_POSITIVE;
-/// Largest quantization step, 2^45: a part of 2^60 units, the largest that is built, in 16 bits. The largest coordinate
-/// times this squares and multiplies without overflow.
+/// Largest quantization step, 2^45: 2^60 units, the largest extent that is built, need a little more than 16 bits of
+/// 2^44. The largest coordinate, 2^69, is far from where f32 ends.
 pub const MAX_STEP: f32 = 3.518_437_2e13;
 /// Deepest node of the assembly tree; a root's depth is 1. Paths grow with it.
 pub const MAX_DEPTH: u32 = 1_024;
