@@ -10,7 +10,8 @@
 //!   in hierarchies ([`exact`]) beside its voxels.
 //! - [`camera`] makes [`ray`]s; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
 //!   picture of it.
-//! - [`progress`] is how long work tells where it stands and learns that it should stop.
+//! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
+//!   files appear whole or not at all.
 //!
 //! # Conventions
 //!
@@ -18,6 +19,7 @@
 //! *grid* is voxel units from the grid's low corner. Level 0 is the finest level of detail. Triangles are
 //! counter-clockwise seen from outside. Colours are sRGB, 8 bits. Files are little endian.
 
+mod atomic_file;
 pub mod camera;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -164,6 +164,10 @@ fn a_build_killed_at_any_moment_leaves_the_old_file_and_the_next_one_works() {
     assert!(killed >= 4, "only {killed} builds were killed before they ended");
     assert!(start().wait().unwrap().success());
     verify(&scene, &Silent).unwrap();
+    let mut left: Vec<_> =
+        std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["plant.glb", "plant.vxs"], "the killed builds' temporary files are gone");
 }
 
 #[test]

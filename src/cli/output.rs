@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Failure;
+use crate::atomic_file::{self, AtomicFile};
 use crate::camera::Camera;
 
 /// Prints a line on stdout. Ends the program quietly when nobody reads any more (`voxsight info | head`), as other
@@ -29,23 +30,19 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print_out!("{}", serde_json::to_string_pretty(value)?)
 }
 
-/// Writes a file so that it appears under its name only when complete; `-` is stdout.
+/// Writes a file so that it appears under its name only when complete; `-` is stdout. Pipes and devices are written to.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     if path == Path::new("-") {
         std::io::stdout().write_all(bytes)?;
         return Ok(());
     }
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
     let write = || -> std::io::Result<()> {
-        let mut file = tempfile::Builder::new().prefix(".voxsight-").tempfile_in(folder)?;
+        if atomic_file::is_special(path) {
+            return fs::File::options().write(true).open(path)?.write_all(bytes);
+        }
+        let mut file = AtomicFile::create(path)?;
         file.write_all(bytes)?;
-        #[cfg(unix)]
-        fs::set_permissions(file.path(), std::os::unix::fs::PermissionsExt::from_mode(0o644))?;
-        file.persist(path)?;
-        Ok(())
+        Ok(file.commit()?)
     };
     write().map_err(|error| format!("{}: cannot write: {error}", path.display()).into())
 }
@@ -107,6 +104,27 @@ pub fn human_count(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_devices_are_written_to_and_never_replaced() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let text = std::thread::scope(|scope| {
+            let reader = scope.spawn(|| fs::read_to_string(&pipe).unwrap());
+            write_json(&pipe, &[1]).unwrap();
+            reader.join().unwrap()
+        });
+        assert_eq!(text, "[\n  1\n]\n");
+        assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        // A link to the device, so that a mistake removes only the link.
+        let null = folder.path().join("null");
+        std::os::unix::fs::symlink("/dev/null", &null).unwrap();
+        write_whole(&null, b"text").unwrap();
+        assert!(fs::metadata(&null).unwrap().file_type().is_char_device());
+    }
 
     #[test]
     fn numbers_read_well() {

@@ -3,13 +3,16 @@
 //! The reader runs this on bytes that it does not trust, the writer on what it is about to write, so that no file is
 //! written that would not open. After it passed, every index, range and string of the records is in bounds.
 
+use glam::{DAffine3, Vec3};
+
 use super::error::Damage;
 use super::layout::{
-    ChunkRecord, LevelRecord, MAX_COORDINATE, MAX_DRAWABLES, MAX_STEP, MIN_STEP, NONE, NodeRecord,
-    ObjectRecord, PartRecord, SectionKind, StringRef,
+    ChunkRecord, LevelRecord, MAX_COORDINATE, MAX_DEPTH, MAX_DRAWABLES, MAX_EXTRAS_BYTES, MAX_NAME_BYTES,
+    MAX_STEP, MIN_STEP, NONE, NodeRecord, ObjectRecord, PartRecord, SectionKind, StringRef,
 };
-use super::meta::Counts;
+use super::meta::{Bounds, Counts};
 use super::page;
+use super::tree::world_box;
 
 /// The sections that refer to each other.
 #[derive(Clone, Copy)]
@@ -70,8 +73,18 @@ impl Tables<'_> {
             if self.string(node.name).is_none_or(str::is_empty) {
                 return wrong("a name inside the strings, not empty", format!("{:?}", node.name));
             }
+            if node.name.length > MAX_NAME_BYTES {
+                return wrong(
+                    &format!("a name of at most {MAX_NAME_BYTES} bytes"),
+                    node.name.length.to_string(),
+                );
+            }
             if self.string(node.extras).is_none() {
                 return wrong("extras inside the strings", format!("{:?}", node.extras));
+            }
+            if node.extras.length > MAX_EXTRAS_BYTES {
+                let expected = format!("extras of at most {MAX_EXTRAS_BYTES} bytes");
+                return wrong(&expected, node.extras.length.to_string());
             }
             if node.reserved != 0 {
                 return wrong("a reserved field of 0", node.reserved.to_string());
@@ -91,13 +104,15 @@ impl Tables<'_> {
     fn check_tree(&self) -> Result<(), Damage> {
         let count = self.nodes.len() as u32;
         let mut innermost = NONE;
+        // Of `innermost`.
+        let mut depth = 0;
         for (i, node) in self.nodes.iter().enumerate() {
             // `innermost` is NONE or an earlier, checked node; its parent is earlier still.
             let enclosing_end = loop {
                 match self.nodes.get(innermost as usize) {
                     None => break count,
                     Some(open) if open.subtree_end as usize > i => break open.subtree_end,
-                    Some(ended) => innermost = ended.parent,
+                    Some(ended) => (innermost, depth) = (ended.parent, depth - 1),
                 }
             };
             if node.parent != innermost {
@@ -108,7 +123,11 @@ impl Tables<'_> {
                 let expected = format!("a subtree that ends at {} to {enclosing_end}", i + 1);
                 return Err(Damage::record(SectionKind::Nodes, i, expected, node.subtree_end));
             }
-            innermost = i as u32;
+            (innermost, depth) = (i as u32, depth + 1);
+            if depth > MAX_DEPTH {
+                let expected = format!("a tree of at most {MAX_DEPTH} levels");
+                return Err(Damage::record(SectionKind::Nodes, i, expected, depth));
+            }
         }
         Ok(())
     }
@@ -205,8 +224,14 @@ impl Tables<'_> {
             if self.string(part.name).is_none() {
                 return wrong("a name inside the strings", format!("{:?}", part.name));
             }
+            if part.name.length > MAX_NAME_BYTES {
+                return wrong(
+                    &format!("a name of at most {MAX_NAME_BYTES} bytes"),
+                    part.name.length.to_string(),
+                );
+            }
             if !part.step.iter().all(|&step| is_step(step)) {
-                return wrong("steps that are powers of two, 2^-126 to 2^103", format!("{:?}", part.step));
+                return wrong("steps that are powers of two, 2^-126 to 2^45", format!("{:?}", part.step));
             }
             let boxed = |((&low, &high), &step): ((&f32, &f32), &f32)| {
                 0.0 <= low && low <= high && high <= step * (MAX_COORDINATE - 1) as f32
@@ -249,9 +274,22 @@ impl Tables<'_> {
             if !object.world_from_part.iter().all(|c| c.is_finite()) {
                 return wrong("a finite transform".to_owned(), format!("{:?}", object.world_from_part));
             }
+            let world_from_part = DAffine3::from_cols_array(&object.world_from_part);
+            let determinant = world_from_part.matrix3.determinant();
+            if !determinant.is_finite() || determinant == 0.0 || !world_from_part.inverse().is_finite() {
+                return wrong(
+                    "a finite transform with an inverse".to_owned(),
+                    format!("{:?}", object.world_from_part),
+                );
+            }
             let boxed = |(low, high): (&f64, &f64)| low.is_finite() && high.is_finite() && low <= high;
             if !object.min.iter().zip(&object.max).all(boxed) {
                 return wrong("a finite box".to_owned(), format!("{:?} to {:?}", object.min, object.max));
+            }
+            let (min, max) = world_box(&world_from_part, Vec3::from(part.min), Vec3::from(part.max));
+            if (object.min, object.max) != (min.to_array(), max.to_array()) {
+                let expected = format!("its part's box in world, {min} to {max}");
+                return wrong(expected, format!("{:?} to {:?}", object.min, object.max));
             }
             if u64::from(object.first_drawable) != drawables {
                 return wrong(format!("first drawable {drawables}"), object.first_drawable.to_string());
@@ -268,6 +306,15 @@ impl Tables<'_> {
     fn string(&self, at: StringRef) -> Option<&str> {
         string(self.strings, at)
     }
+}
+
+/// Box of all objects in world; `None` without objects.
+pub(super) fn bounds_of(objects: &[ObjectRecord]) -> Option<Bounds> {
+    let boxes = objects.iter().map(|object| Bounds { min: object.min, max: object.max });
+    boxes.reduce(|a, b| Bounds {
+        min: [0, 1, 2].map(|axis| a.min[axis].min(b.min[axis])),
+        max: [0, 1, 2].map(|axis| a.max[axis].max(b.max[axis])),
+    })
 }
 
 /// The text at `at`, if it lies inside `strings` and on character borders.

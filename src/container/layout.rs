@@ -36,8 +36,15 @@ pub const MAX_LEVEL_TRIANGLES: u32 = 65_536;
 pub const MAX_COORDINATE: i32 = 1 << 24;
 /// Smallest quantization step: a normal f32, so that no decoded coordinate is ever flushed to zero.
 pub const MIN_STEP: f32 = f32::MIN_POSITIVE;
-/// Largest quantization step, 2^103: the largest coordinate times this is still finite.
-pub const MAX_STEP: f32 = 1.014_120_5e31;
+/// Largest quantization step, 2^45: 2^60 units, the largest extent that is built, need a little more than 16 bits of
+/// 2^44. The largest coordinate, 2^69, is far from where f32 ends.
+pub const MAX_STEP: f32 = 3.518_437_2e13;
+/// Deepest node of the assembly tree; a root's depth is 1. Paths grow with it.
+pub const MAX_DEPTH: u32 = 1_024;
+/// Longest name of a node or part, bytes.
+pub const MAX_NAME_BYTES: u32 = 1 << 16;
+/// Longest extras of a node, bytes.
+pub const MAX_EXTRAS_BYTES: u32 = 1 << 24;
 /// Most drawables of a scene. The runtime keeps 8 bytes for each, and a small damaged file must not ask for more
 /// memory than a big model needs: 2^27 drawables are a gigabyte.
 pub const MAX_DRAWABLES: u32 = 1 << 27;
@@ -317,5 +324,5 @@ const _: () = {
     assert!(size_of::<ChunkRecord>() == 24);
     assert!(size_of::<LevelRecord>() == 40);
     assert!(TABLE_END.is_multiple_of(SECTION_ALIGNMENT));
-    assert!(MAX_STEP.to_bits() == (127 + 103) << 23);
+    assert!(MAX_STEP.to_bits() == (127 + 45) << 23);
 };

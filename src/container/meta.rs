@@ -168,8 +168,9 @@ impl Meta {
         DagShape { log2: self.grid.log2, height_ends: self.dag.height_ends.clone(), root: self.dag.root }
     }
 
-    /// Checks that lengths are positive, boxes are boxes, and `counts` is what the sections hold.
-    pub(super) fn check(&self, counts: &Counts) -> Result<(), Damage> {
+    /// Checks that lengths are positive, that `counts` and `bounds` (of all objects) are what the sections hold, and
+    /// that the grid is around them.
+    pub(super) fn check(&self, counts: &Counts, bounds: Option<Bounds>) -> Result<(), Damage> {
         let wrong =
             |expected: &str, found: String| Err(Damage::section(SectionKind::Meta.name(), expected, found));
         let Bounds { min, max } = self.bounds;
@@ -185,6 +186,24 @@ impl Meta {
                 "a grid with finite origin, positive voxel size, log2 of 6 to 17",
                 format!("{:?}", self.grid),
             );
+        }
+        if self.settings.resolution != 1 << log2 {
+            let expected = format!("a resolution of {}, the grid's side", 1 << log2);
+            return wrong(&expected, self.settings.resolution.to_string());
+        }
+        if let Some(bounds) = bounds {
+            if self.bounds != bounds {
+                return wrong(&format!("{bounds:?}, as the objects have"), format!("{:?}", self.bounds));
+            }
+            // A voxel of tolerance: the builder leaves one free, and rounding takes far less.
+            let side = voxel_size * f64::from(1u32 << log2);
+            let holds = |axis: usize| {
+                let (low, high) = (origin[axis] - voxel_size, origin[axis] + side + voxel_size);
+                high.is_finite() && low <= min[axis] && max[axis] <= high
+            };
+            if !(0..3).all(holds) {
+                return wrong(&format!("a grid around {bounds:?}"), format!("{:?}", self.grid));
+            }
         }
         if !positive(self.settings.metres_per_unit) {
             return wrong("a positive number of metres a unit", self.settings.metres_per_unit.to_string());

@@ -10,7 +10,7 @@ use voxsight_voxel::dag::owners::OwnersIndex;
 use voxsight_voxel::dag::{DagRef, OwnersRef};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::check::Tables;
+use super::check::{Tables, bounds_of};
 use super::error::{ContainerError, Damage, Problem};
 use super::layout::{ChunkRecord, LevelRecord, NodeRecord, ObjectRecord, PartRecord, SectionKind, StringRef};
 use super::map;
@@ -22,10 +22,9 @@ use crate::geometry::LevelMesh;
 
 /// An opened container.
 ///
-/// Opening has checked the header, the table, the checksums of all sections but the geometry, and every cross
-/// reference between records; [`Container::decode_level`] checks a page when it is read, [`super::verify()`] all of
-/// them. The insides of the DAG and owner sections are not known here: what they mean is checked where the voxel core
-/// takes them over.
+/// Opening has checked the header, the table, the checksums of all sections but the geometry, every cross reference
+/// between records, and every word of the voxel sections; [`Container::decode_level`] checks a page when it is read.
+/// What nothing relies on for safety is left to [`super::verify()`]: all pages, and whether owners and voxels agree.
 #[derive(Debug)]
 pub struct Container {
     path: PathBuf,
@@ -80,7 +79,7 @@ impl Container {
             geometry_length: self.geometry().len() as u64,
         };
         let counts = tables.check().map_err(|damage| self.place(damage))?;
-        self.meta.check(&counts).map_err(|damage| self.place(damage))?;
+        self.meta.check(&counts, bounds_of(self.objects())).map_err(|damage| self.place(damage))?;
         Ok(())
     }
 

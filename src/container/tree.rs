@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use super::check::Tables;
+use super::check::{Tables, bounds_of};
 use super::error::{ContainerError, Damage};
 use super::layout::{
     ChunkRecord, LevelRecord, NONE, NodeRecord, ObjectRecord, PartRecord, SectionKind, StringRef,
@@ -75,11 +75,7 @@ impl SceneRecords {
 
     /// Box of all objects in world, for [`super::Meta::bounds`]; `None` without objects.
     pub fn bounds(&self) -> Option<Bounds> {
-        let boxes = self.objects.iter().map(|object| Bounds { min: object.min, max: object.max });
-        boxes.reduce(|a, b| Bounds {
-            min: [0, 1, 2].map(|axis| a.min[axis].min(b.min[axis])),
-            max: [0, 1, 2].map(|axis| a.max[axis].max(b.max[axis])),
-        })
+        bounds_of(&self.objects)
     }
 
     /// Objects, with their placements from part space and their first drawables.

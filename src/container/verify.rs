@@ -1,5 +1,6 @@
 //! Checking a container to the last byte.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::Vec3;
@@ -11,6 +12,7 @@ use super::error::{ContainerError, Damage, Problem};
 use super::layout::{ChunkRecord, MAX_COORDINATE, SectionKind};
 use super::page::PageError;
 use super::read::Container;
+use super::voxels;
 use crate::geometry::{LevelMesh, decode};
 use crate::progress::Progress;
 
@@ -28,7 +30,8 @@ pub struct VerifyReport {
 }
 
 /// Checks everything: what [`Container::open`] does, the checksum of the geometry and of each page, that each page
-/// decodes, that the boxes of the parts are those of their vertices, and that extra properties are JSON.
+/// decodes, that the boxes of the parts are those of their vertices, that every occupied voxel has an owner and no other
+/// has one, and that extra properties are JSON.
 ///
 /// Any single changed byte of the file is found. Pages are decoded in parallel; the error reported is the first in the
 /// order of the file's chunks, whatever the number of threads.
@@ -41,6 +44,7 @@ pub fn verify(path: impl AsRef<Path>, progress: &dyn Progress) -> Result<VerifyR
     let container = Container::open(path)?;
     container.check_geometry_checksum()?;
     check_extras(&container)?;
+    voxels::check_owner_masks(&container)?;
     let boxes = decode_chunks(&container, progress)?;
     check_part_boxes(&container, &boxes)?;
     let levels = container.levels();
@@ -52,12 +56,22 @@ pub fn verify(path: impl AsRef<Path>, progress: &dyn Progress) -> Result<VerifyR
     })
 }
 
+/// Distinct extras are parsed once. They must not overlap, so that little text cannot make much work.
 fn check_extras(container: &Container) -> Result<(), ContainerError> {
+    let mut known = HashSet::new();
+    let mut left = container.section_length(SectionKind::Strings);
     for (i, node) in container.nodes().iter().enumerate() {
         let extras = container.string(node.extras);
-        if !extras.is_empty()
-            && let Err(error) = serde_json::from_str::<IgnoredAny>(extras)
-        {
+        if extras.is_empty() || !known.insert((node.extras.offset, node.extras.length)) {
+            continue;
+        }
+        let Some(rest) = left.checked_sub(extras.len() as u64) else {
+            let found = format!("{:?}", node.extras);
+            let damage = Damage::record(SectionKind::Nodes, i, "extras that do not overlap", found);
+            return Err(ContainerError::new(container.path(), damage));
+        };
+        left = rest;
+        if let Err(error) = serde_json::from_str::<IgnoredAny>(extras) {
             let damage = Damage::record(SectionKind::Nodes, i, "extras that are JSON", error);
             return Err(ContainerError::new(container.path(), damage));
         }

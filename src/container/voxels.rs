@@ -3,9 +3,10 @@
 use voxsight_voxel::dag::owners::OwnersIndex;
 use voxsight_voxel::dag::{DagError, DagRef};
 
-use super::error::Damage;
+use super::error::{ContainerError, Damage};
 use super::layout::SectionKind;
 use super::meta::Meta;
+use super::read::Container;
 
 /// The voxel sections of a container.
 pub(super) struct VoxelSections<'a> {
@@ -31,6 +32,12 @@ impl VoxelSections<'_> {
         OwnersIndex::validate(self.owner_runs, self.owner_lists, dag.brick_count(), drawables)
             .map_err(|error| damage(SectionKind::OwnerRuns, error))
     }
+}
+
+/// Checks that the owners of each brick own its voxels and no others. Walks all bricks, at most 2^32 - 1.
+pub(super) fn check_owner_masks(container: &Container) -> Result<(), ContainerError> {
+    let checked = container.owners().check_masks(&container.dag());
+    checked.map_err(|error| ContainerError::new(container.path(), damage(SectionKind::OwnerLists, error)))
 }
 
 fn damage(kind: SectionKind, error: DagError) -> Damage {

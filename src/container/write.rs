@@ -2,24 +2,18 @@
 //!
 //! Whatever happens before [`ContainerWriter::finish`] has renamed the file (an error, a panic, a killed process, a
 //! power cut), the target stays as it was. A dropped writer removes its temporary file. A killed one cannot: the next
-//! writer of the same target does it, see `remove_abandoned` below.
+//! writer of the same target does it.
 
-use std::ffi::{OsStr, OsString};
-use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 use serde::Serialize;
-use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::error::{ContainerError, Damage, Problem};
 use super::layout::{Header, MAGIC, SECTION_ALIGNMENT, SectionEntry, SectionKind, TABLE_END, VERSION};
-
-/// A temporary file younger than this is never taken for abandoned.
-const ABANDONED_AGE: Duration = Duration::from_secs(60);
+use crate::atomic_file::{self, AtomicFile, CommitError};
 
 /// Writes a container section by section, in any order; every [`SectionKind`] exactly once.
 ///
@@ -40,9 +34,7 @@ const ABANDONED_AGE: Duration = Duration::from_secs(60);
 pub struct ContainerWriter {
     /// As given, for messages.
     path: PathBuf,
-    /// `path` with a symbolic link followed: what is replaced.
-    target: PathBuf,
-    file: BufWriter<NamedTempFile>,
+    file: BufWriter<AtomicFile>,
     /// Bytes written so far, the place of header and table included.
     position: u64,
     /// Ended sections, by [`SectionKind::index`].
@@ -63,37 +55,16 @@ impl ContainerWriter {
     }
 
     fn start(path: &Path) -> Result<Self, Problem> {
-        // Follows a symbolic link, so that its target is replaced and not the link. No such file: a new one.
-        let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        // Renaming over a device such as /dev/null would remove it.
-        if fs::metadata(&target).is_ok_and(|metadata| !metadata.is_file()) {
+        if atomic_file::is_special(path) || path.file_name().is_none() {
             return Err(Problem::NotAFile);
         }
-        let name = target.file_name().ok_or(Problem::NotAFile)?;
-        let prefix = temporary_prefix(name);
-        let folder = folder_of(&target);
-        remove_abandoned(folder, &prefix);
-
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(&prefix);
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // Like any new file, less the process's umask; a temporary file would be for its owner only.
-            builder.permissions(fs::Permissions::from_mode(0o666));
-        }
-        let temporary = builder.tempfile_in(folder).map_err(|source| Problem::Io {
+        let file = AtomicFile::create(path).map_err(|source| Problem::Io {
             doing: "create a temporary file in its folder (does the folder exist, may you write there?)",
             source,
         })?;
-        // Tells other writers that this file has an owner who lives. Where locks are not supported nobody can take
-        // it for abandoned either, so failure is fine.
-        let _ = temporary.as_file().try_lock();
-
         let mut writer = ContainerWriter {
             path: path.to_owned(),
-            target,
-            file: BufWriter::with_capacity(1 << 20, temporary),
+            file: BufWriter::with_capacity(1 << 20, file),
             position: 0,
             entries: [None; SectionKind::ALL.len()],
             open: None,
@@ -162,10 +133,8 @@ impl ContainerWriter {
         self.file.seek(SeekFrom::Start(0)).map_err(fail("write"))?;
         self.file.write_all(bytemuck::bytes_of(&header)).map_err(fail("write"))?;
         self.file.write_all(bytemuck::cast_slice(&table)).map_err(fail("write"))?;
-        let temporary = self.file.into_inner().map_err(|error| fail("write")(error.into_error()))?;
-        temporary.as_file().sync_all().map_err(fail("bring to the disk"))?;
-        temporary.persist(&self.target).map_err(|error| fail("replace")(error.error))?;
-        sync_folder(folder_of(&self.target)).map_err(fail("bring its folder to the disk"))
+        let file = self.file.into_inner().map_err(|error| fail("write")(error.into_error()))?;
+        file.commit().map_err(|CommitError { doing, source }| fail(doing)(source))
     }
 
     fn header_and_table(&self) -> Result<(Header, Vec<SectionEntry>), ContainerError> {
@@ -264,58 +233,4 @@ pub(super) fn header_checksum(header: &Header, table: &[u8]) -> u64 {
 
 fn writing(source: io::Error) -> Problem {
     Problem::Io { doing: "write (is the disk full?)", source }
-}
-
-/// `.NAME.tmp-`, followed by random characters.
-fn temporary_prefix(name: &OsStr) -> OsString {
-    let mut prefix = OsString::from(".");
-    prefix.push(name);
-    prefix.push(".tmp-");
-    prefix
-}
-
-fn folder_of(target: &Path) -> &Path {
-    match target.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
-/// Removes temporary files of the same target whose writers were killed.
-///
-/// Safe beside a writer that lives: that one holds a lock on its file, which ends with its process. A file is removed
-/// only when its lock can be taken and it is older than [`ABANDONED_AGE`] (a new file has no lock for a moment). Where
-/// locks are not supported nothing is removed. Failures are of no consequence: the file just stays.
-fn remove_abandoned(folder: &Path, prefix: &OsStr) {
-    let Ok(entries) = fs::read_dir(folder) else { return };
-    for entry in entries.flatten() {
-        let named = entry.file_name().as_encoded_bytes().starts_with(prefix.as_encoded_bytes());
-        let old = |metadata: fs::Metadata| {
-            metadata.is_file()
-                && metadata
-                    .modified()
-                    .ok()
-                    .and_then(|time| time.elapsed().ok())
-                    .is_some_and(|age| age > ABANDONED_AGE)
-        };
-        if named
-            && entry.metadata().is_ok_and(old)
-            && let Ok(file) = File::options().write(true).open(entry.path())
-            && file.try_lock().is_ok()
-        {
-            let _ = fs::remove_file(entry.path());
-        }
-    }
-}
-
-/// Makes the renaming itself last through a power cut.
-#[cfg(unix)]
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
-}
-
-/// Folders cannot be synchronized here; the file system's journal has the renaming.
-#[cfg(not(unix))]
-fn sync_folder(_folder: &Path) -> io::Result<()> {
-    Ok(())
 }

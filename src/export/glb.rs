@@ -19,6 +19,7 @@ use glam::{DAffine3, DVec3};
 use thiserror::Error;
 
 use super::glb_json;
+use crate::atomic_file::AtomicFile;
 use crate::model::{Colour, Mesh, Model, PartId};
 use crate::progress::Progress;
 
@@ -262,7 +263,7 @@ pub fn write(
 
     let io_error = |source: io::Error| GlbError::Io { path: path.to_owned(), source };
     let json = glb_json::prepare(path, document, &extents, bin_length)?;
-    let mut file = BufWriter::with_capacity(1 << 20, temporary_beside(path).map_err(io_error)?);
+    let mut file = BufWriter::with_capacity(1 << 20, AtomicFile::create(path).map_err(io_error)?);
     // The header and the JSON chunk's header are written when the lengths are known.
     file.write_all(&[0; 20]).map_err(io_error)?;
     let json_length = write_json(&mut file, &json).map_err(io_error)?;
@@ -285,24 +286,10 @@ pub fn write(
         file.write_all(b"glTF\x02\0\0\0")?;
         file.write_all(&(length as u32).to_le_bytes())?;
         file.write_all(&chunk_header(json_length, *b"JSON"))?;
-        file.persist(path).map_err(|error| error.error)?;
-        Ok(())
+        Ok(file.commit()?)
     };
     finish().map_err(io_error)?;
     Ok(length)
-}
-
-fn temporary_beside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".voxsight-").suffix(".glb.tmp");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // What any new file gets: the default of temporary files keeps others from reading it.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(folder)
 }
 
 fn chunk_header(length: u64, kind: [u8; 4]) -> [u8; 8] {

@@ -5,7 +5,7 @@
 //! for a brick with several owners. A list is pairs of u64 words: drawable (top bit set on the last pair), and the mask
 //! of the brick's voxels that this drawable touches. Drawables of a list rise.
 
-use super::DagError;
+use super::{DagError, DagRef};
 
 /// Top bit of a run's value: the rest is the index of a pair.
 const LIST_FLAG: u32 = 1 << 31;
@@ -209,6 +209,47 @@ impl<'a> OwnersRef<'a> {
         OwnersRef { starts, values, lists, index }
     }
 
+    /// Checks that the lists are those of the bricks, in order, one each, and that the owners of each brick own its
+    /// voxels and no others. One walk over all bricks and lists.
+    ///
+    /// # Errors
+    ///
+    /// Names the first brick of which that is not true.
+    pub fn check_masks(&self, dag: &DagRef) -> Result<(), DagError> {
+        let (mut run, mut next_pair) = (0, 0);
+        let mut broken = None;
+        dag.for_each_brick(|_, ordinal, mask| {
+            if broken.is_some() {
+                return;
+            }
+            if self.starts.get(run + 1) == Some(&ordinal) {
+                run += 1;
+            }
+            let value = self.values[run];
+            if value & LIST_FLAG == 0 {
+                return;
+            }
+            // Also what keeps this linear: each list is read once.
+            if (value & !LIST_FLAG) as usize != next_pair {
+                broken = Some(("each owner list belongs to one brick, in order", ordinal));
+                return;
+            }
+            let pairs = self.list(value);
+            next_pair += pairs.len() / 2;
+            if pairs.chunks_exact(2).fold(0, |union, pair| union | pair[1]) != mask {
+                broken = Some(("owners own the voxels of their brick and no others", ordinal));
+            }
+        });
+        if let Some((rule, ordinal)) = broken {
+            return Err(DagError::Broken { rule, place: format!("brick {ordinal}") });
+        }
+        if next_pair != self.lists.len() / 2 {
+            let place = format!("owner list pair {next_pair}");
+            return Err(DagError::Broken { rule: "each owner list belongs to one brick, in order", place });
+        }
+        Ok(())
+    }
+
     /// Owners of the brick with this ordinal, which must be below the brick count.
     #[inline]
     pub fn of_brick(&self, ordinal: u32) -> Owners<'a> {
@@ -220,8 +261,14 @@ impl<'a> OwnersRef<'a> {
         if value & LIST_FLAG == 0 {
             return Owners::One(value);
         }
+        Owners::Several(self.list(value))
+    }
+
+    /// The pairs of the list that a run's value names.
+    #[inline]
+    fn list(&self, value: u32) -> &'a [u64] {
         let list = &self.lists[2 * (value & !LIST_FLAG) as usize..];
         let length = list.chunks_exact(2).take_while(|pair| pair[0] & LAST_FLAG == 0).count() + 1;
-        Owners::Several(&list[..2 * length])
+        &list[..2 * length]
     }
 }
