@@ -451,7 +451,7 @@ fn a_folder_tree_is_the_assembly_tree_and_equal_parts_are_stored_once() {
     ];
     assert_eq!(sources, expected);
     assert_eq!((imported.up_axis, imported.metres_per_unit), (None, None));
-    let skipped = &imported.findings.0["files skipped: not a model by their extension"];
+    let skipped = &imported.findings.0["files that are no models by their extension: read only where a model refers to them"];
     assert_eq!((skipped.count, skipped.first.as_str()), (2, "b/readme.txt"));
     assert!(imported.findings.0.keys().any(|what| what.contains("disagree")));
 

@@ -115,7 +115,11 @@ impl Walk<'_> {
                 let (parent, file) = (Some(this), Some(child_path));
                 self.entries.push(Entry { name: child_name, parent, depth: depth + 1, shown, file });
             } else {
-                self.findings.add("files skipped: not a model by their extension", 1, || shown);
+                self.findings.add(
+                    "files that are no models by their extension: read only where a model refers to them",
+                    1,
+                    || shown,
+                );
             }
         }
         let has_models = self.entries.len() > this + 1;
