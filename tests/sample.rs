@@ -638,3 +638,26 @@ fn a_copy_too_large_for_one_file_is_split_without_loss() {
     };
     assert_eq!(content(&whole.files), content(&split.files));
 }
+
+#[test]
+fn an_object_below_another_objects_node_is_placed_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nested.glb");
+    let mut model = sample::plant(&PlantSettings { objects: 3, triangles: 300, seed: 1 });
+    let placed = |x: f64| DAffine3::from_translation(DVec3::new(x, 2.0, 3.0)) * DAffine3::from_rotation_y(x);
+    let part = model.objects[0].part;
+    let names = ["outer", "between", "inner"];
+    model.nodes = (0..3u32)
+        .map(|i| Node { name: names[i as usize].to_owned(), parent: i.checked_sub(1), extras: None })
+        .collect();
+    model.objects = [(0, 10.0), (2, 25.0)]
+        .map(|(node, x)| Object { node, part, world_from_part: placed(x), colour: Colour::default() })
+        .to_vec();
+    model.parts.truncate(part as usize + 1);
+    glb::write_model(&path, &model, &Silent).unwrap();
+    let back = import(&[path], &ImportOptions::default(), &Silent).unwrap().model;
+    assert_eq!(back.objects.len(), 2);
+    for (object, x) in back.objects.iter().zip([10.0, 25.0]) {
+        assert!(object.world_from_part.abs_diff_eq(placed(x), 1e-12), "{:?}", object.world_from_part);
+    }
+}

@@ -209,13 +209,32 @@ fn document_of<'a>(model: &'a Model, origins: &[DVec3]) -> Document<'a> {
             meshes.len() as u32 - 1
         });
         let origin = origins.get(object.part as usize).copied().unwrap_or_default();
-        // Nodes of the tree have no placement of their own, so that the object's is the whole one.
         if let Some(node) = nodes.get_mut(object.node as usize) {
             node.mesh = Some(mesh);
             node.matrix = object.world_from_part * DAffine3::from_translation(origin);
         }
     }
+    make_relative(&mut nodes);
     Document { nodes, meshes, geometries: model.parts.len() as u32 }
+}
+
+/// Turns placements in the world into placements in the parent, as glTF wants: only nodes with a mesh have one, and
+/// what stands below such a node must not be moved twice.
+fn make_relative(nodes: &mut [GlbNode]) {
+    // Placement in the world of each node so far; parents stand before their children.
+    let mut in_world: Vec<DAffine3> = Vec::with_capacity(nodes.len());
+    for node in nodes {
+        let parent = node.parent.and_then(|parent| in_world.get(parent as usize).copied());
+        let parent = parent.unwrap_or(DAffine3::IDENTITY);
+        if node.mesh.is_none() {
+            in_world.push(parent);
+            continue;
+        }
+        in_world.push(node.matrix);
+        if parent != DAffine3::IDENTITY {
+            node.matrix = parent.inverse() * node.matrix;
+        }
+    }
 }
 
 /// Writes a document whose geometries come from `fill`, which is called with an empty geometry, twice for each index
