@@ -66,9 +66,23 @@ impl Camera {
     pub fn around(min: DVec3, max: DVec3, from: DVec3, up: DVec3, width: u32, height: u32) -> Self {
         let fov_y_deg = 45.0;
         let centre = min + 0.5 * (max - min);
-        let radius = (0.5 * (max - min)).length().max(f64::MIN_POSITIVE);
-        let half = 0.5 * f64::to_radians(fov_y_deg) * (f64::from(width) / f64::from(height)).min(1.0);
-        let eye = centre + from.normalize_or(DVec3::X) * (radius / libm::sin(half));
+        let back = from.normalize_or(DVec3::X);
+        let right = up.cross(back).normalize_or(back.any_orthonormal_vector());
+        let up_in_image = back.cross(right);
+        let tan_y = libm::tan(0.5 * f64::to_radians(fov_y_deg));
+        let tan_x = tan_y * f64::from(width) / f64::from(height);
+        // The nearest eye from which every corner of the box is inside the image, and a little more.
+        let half = 0.5 * (max - min);
+        let signs = [-1.0, 1.0];
+        let corners =
+            signs.iter().flat_map(|x| signs.iter().flat_map(move |y| signs.map(|z| DVec3::new(*x, *y, z))));
+        let needed = corners.map(|sign| {
+            let corner = sign * half;
+            let wide = (corner.dot(right).abs() / tan_x).max(corner.dot(up_in_image).abs() / tan_y);
+            wide + corner.dot(back)
+        });
+        let distance = needed.fold(f64::MIN_POSITIVE, f64::max) * 1.04;
+        let eye = centre + back * distance;
         Camera { eye: eye.into(), target: centre.into(), up: up.into(), fov_y_deg, width, height }
     }
 

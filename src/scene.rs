@@ -153,16 +153,17 @@ impl Scene {
         before(node)..before(end)
     }
 
-    /// Nodes whose name contains `text`, or whose path does if `text` contains a `/`. Case does not matter. In order.
+    /// Nodes whose name contains `text`, or whose path does if `text` contains a `/`. Case does not matter, nor does it
+    /// whether a `/` inside a name is written as such or escaped as in [`Scene::node_path`]. In order.
     pub fn find(&self, text: &str) -> impl Iterator<Item = u32> + '_ {
-        let wanted: String = folded(text).collect();
+        let wanted: String = folded(&text.replace("\\/", "/").replace("\\\\", "\\")).collect();
         let in_paths = wanted.contains('/');
         let mut search = PathSearch::default();
         (0..self.nodes().len() as u32).filter(move |&index| {
             let node = &self.nodes()[index as usize];
             let name = self.name(node.name);
             if in_paths {
-                search.visit(index, node.subtree_end, &path_segment(name), &wanted)
+                search.visit(index, node.subtree_end, name, &wanted)
             } else {
                 folded(name).collect::<String>().contains(&wanted)
             }

@@ -117,9 +117,11 @@ fn pictures_have_the_size_asked_for_and_show_something() {
         colours.dedup();
         assert!(colours.len() > 50, "{name} has {} colours", colours.len());
     }
-    let overview = sample.path("overview.png");
-    ok(&["render", &scene, "--size", "40x30", "-q", "-o", &overview]);
+    // Without a camera the whole scene is seen, and the camera can be kept.
+    let (overview, kept) = (sample.path("overview.png"), sample.path("kept.json"));
+    ok(&["render", &scene, "--size", "40x30", "-q", "--save-camera", &kept, "-o", &overview]);
     assert!(Path::new(&overview).exists());
+    assert!(ok(&["visible", &scene, "--camera", &kept, "-q"]).contains("objects visible"));
 }
 
 #[test]
@@ -197,7 +199,14 @@ fn trouble_is_told_with_a_reason_and_an_exit_code() {
     )
     .unwrap();
     assert!(fails(&["visible", &scene, "--camera", &camera], 1).contains("target"));
-    assert!(fails(&["render", &scene, "-o", "picture.jpg"], 1).contains("PNG"));
+    assert!(fails(&["render", &scene, "-o", "picture.jpg"], 1).contains(".png"));
+    // Nothing is replaced by mistake, and a missing folder is noticed before the work.
+    assert!(fails(&["build", &model, "-o", &model], 1).contains(".vxs"));
+    assert!(fails(&["visible", &scene, "--json", &scene], 1).contains(".json"));
+    let nowhere = sample.path("missing/answer.json");
+    assert!(fails(&["visible", &scene, "--json", &nowhere], 1).contains("no folder"));
+    assert!(fails(&["generate", "plant", "-o", "plant.obj"], 1).contains(".glb"));
+    fails(&["generate", "copies", &model, "--copies", "0", "-o", &out], 2);
     fails(&["render", &scene, "--ids", "--spp", "2", "-o", "picture.png"], 2);
     let no_shadow = ["render", &scene, "--light", "headlight", "--shadows", "exact", "-o", "picture.png"];
     assert!(fails(&no_shadow, 1).contains("headlight"));

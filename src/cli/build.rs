@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::Failure;
 use super::numbers::{Length, metres_of_unit, parse_bytes, parse_length, parse_resolution, parse_unit};
-use super::output::{human_bytes, human_count, print_json, print_out, write_json};
+use super::output::{check_output, human_bytes, human_count, print_json, print_out, write_json};
 use super::progress::TerminalProgress;
 use crate::container::{Axis, Source};
 use crate::import::{ImportOptions, Imported, UpAxis, import};
@@ -61,11 +61,16 @@ enum Up {
 
 impl Build {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
+        check_output(&self.output, "vxs")?;
+        if let Some(report) = &self.report {
+            check_output(report, "json")?;
+        }
         let started = std::time::Instant::now();
         let guard = MemoryGuard::new(self.memory, progress)?;
         let imported = import(&self.inputs, &ImportOptions::default(), &guard);
         guard.check()?;
-        let imported = imported?;
+        let mut imported = imported?;
+        self.note_guesses(&mut imported);
         let import_seconds = started.elapsed().as_secs_f64();
         let settings = self.settings(&imported);
         let sources = imported.sources.iter().map(|source| Source {
@@ -84,6 +89,16 @@ impl Build {
             return print_json(&report);
         }
         print_summary(&outcome, started.elapsed().as_secs_f64(), &self.output)
+    }
+
+    /// What the files do not say and the user did not either is taken, and said.
+    fn note_guesses(&self, imported: &mut Imported) {
+        let sources: Vec<String> = imported.sources.iter().map(|source| source.name.clone()).collect();
+        let first = || sources.first().cloned().unwrap_or_default();
+        let no_unit = self.unit.is_none() && imported.metres_per_unit.is_none();
+        let no_up = self.up.is_none() && imported.up_axis.is_none();
+        imported.findings.add("model without a unit: metres assumed (--unit)", u64::from(no_unit), first);
+        imported.findings.add("model without an up axis: z assumed (--up)", u64::from(no_up), first);
     }
 
     fn settings(&self, imported: &Imported) -> BuildSettings {

@@ -106,13 +106,14 @@ fn compare(loaded: &LoadedScene, rays: &CameraRays, progress: &dyn Progress) -> 
     let scene = loaded.query();
     let (width, height) = rays.size();
     let pixels = u64::from(width) * u64::from(height);
-    progress.stage("reference query", pixels, "pixels");
+    progress.stage("reference query, 16 rays per pixel", pixels, "pixels");
     // Rays of its own: none is shared with the answers.
     let fine = QuerySettings { rays_per_pixel: REFERENCE_RAYS, first_sample: 1, ..QuerySettings::default() };
     let reference = query_until(&scene, rays, Method::Exact, &fine, progress).ok_or("stopped")?;
     let mut rows = Vec::new();
     for method in [Method::Frustum, Method::Voxel, Method::Hybrid, Method::Exact] {
-        progress.stage("queries", pixels * TIMED_RUNS as u64, "pixels");
+        let name = format!("query by {}", format!("{method:?}").to_lowercase());
+        progress.stage(&name, pixels * TIMED_RUNS as u64, "pixels");
         let ask = || query_until(&scene, rays, method, &QuerySettings::default(), progress);
         let (answer, milliseconds) = timed(ask).ok_or("stopped")?;
         let accuracy = accuracy(&reference, &answer, pixels, |drawable| scene.exact.triangle_count(drawable));
@@ -147,7 +148,8 @@ fn picture(
         shadows: Shadows::Voxel,
         up: DVec3::Y,
     };
-    progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    progress.stage(&format!("render {name}"), u64::from(camera.width) * u64::from(camera.height), "pixels");
     let image = render(&loaded.picture(), &camera.rays()?, &settings, progress);
     write_png(path, &image.ok_or("stopped")?)
 }

@@ -43,7 +43,7 @@ pub struct Copies {
     /// The model to copy
     model: PathBuf,
     /// How many copies
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     copies: u32,
     /// Distance of neighbouring copies as a fraction of the model's size: below 1 they interpenetrate [default: 1.1]
     #[arg(long, value_name = "FRACTION")]
@@ -57,6 +57,9 @@ impl Generate {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         let summary = match self {
             Generate::Plant(Plant { objects, triangles, seed, output }) => {
+                if output.extension().is_some_and(|extension| !extension.eq_ignore_ascii_case("glb")) {
+                    return Err(format!("{}: name a .glb file, or a folder", output.display()).into());
+                }
                 write_plant(&PlantSettings { objects, triangles, seed }, &output, progress)?
             }
             Generate::Copies(Copies { model, copies, overlap, output }) => {

@@ -75,6 +75,23 @@ pub fn read_camera(path: &Path) -> Result<Camera, Failure> {
         .map_err(|error| format!("{}: {error}; expected a camera such as {EXAMPLE}", path.display()).into())
 }
 
+/// Refuses, before any work is done, an output whose folder is missing, or that would replace a file which is not of
+/// its kind: a model or a scene named by mistake. `-`, pipes and devices are fine.
+pub fn check_output(path: &Path, extension: &str) -> Result<(), Failure> {
+    if path == Path::new("-") || fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+        return Ok(());
+    }
+    if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
+        return Err(format!("{}: name this output .{extension}", path.display()).into());
+    }
+    match path.parent() {
+        Some(folder) if folder != Path::new("") && !folder.is_dir() => {
+            Err(format!("{}: there is no folder {}: make it first", path.display(), folder.display()).into())
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Bytes for people: 1.23 MB.
 pub fn human_bytes(bytes: u64) -> String {
     let mut value = bytes as f64;

@@ -1,6 +1,6 @@
 //! Progress on the terminal: a bar where there is one, a line for each stage elsewhere; Ctrl-C stops cleanly.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -33,7 +33,7 @@ impl TerminalProgress {
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(1);
             }
-            eprintln!("stopping; once more to stop at once");
+            tell(format_args!("stopping; once more to stop at once"));
         })
         .map_err(|error| format!("cannot watch for Ctrl-C: {error}"))?;
         let is_terminal = std::io::stderr().is_terminal();
@@ -45,7 +45,7 @@ impl TerminalProgress {
         if let Some(stage) = self.lock().take() {
             stage.bar.finish_and_clear();
             if !self.quiet {
-                eprintln!("{} ({:.2} s)", stage.name, stage.started.elapsed().as_secs_f64());
+                tell(format_args!("{} ({:.2} s)", stage.name, stage.started.elapsed().as_secs_f64()));
             }
         }
     }
@@ -53,6 +53,11 @@ impl TerminalProgress {
     fn lock(&self) -> std::sync::MutexGuard<'_, Option<Stage>> {
         self.current.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// A line on stderr. Nobody reading any more is no reason to stop the work.
+fn tell(line: std::fmt::Arguments) {
+    let _unread = writeln!(std::io::stderr(), "{line}");
 }
 
 impl Progress for TerminalProgress {

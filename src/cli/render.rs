@@ -1,13 +1,13 @@
 //! `voxsight render`: a picture, object ids, or depth.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 
 use super::Failure;
 use super::numbers::{parse_rays, parse_size, parse_vector};
-use super::output::{print_out, read_camera, write_png};
+use super::output::{check_output, print_out, read_camera, write_json, write_png};
 use super::progress::TerminalProgress;
 use crate::camera::Camera;
 use crate::container::Axis;
@@ -24,6 +24,9 @@ pub struct Render {
     /// Camera file (JSON); without one the camera sees the whole scene from a corner
     #[arg(long, value_name = "CAM.json")]
     camera: Option<PathBuf>,
+    /// Write the camera that was used, to begin from
+    #[arg(long, value_name = "CAM.json")]
+    save_camera: Option<PathBuf>,
     /// Image size; the camera's if left out
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<(u32, u32)>,
@@ -65,12 +68,9 @@ enum ShadowName {
 
 impl Render {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
-        if !self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-            return Err(format!(
-                "{}: pictures are written as PNG: name the file .png",
-                self.output.display()
-            )
-            .into());
+        check_output(&self.output, "png")?;
+        if let Some(path) = &self.save_camera {
+            check_output(path, "json")?;
         }
         if matches!(self.light, LightName::Headlight) && (self.sun.is_some() || self.shadows.is_some()) {
             return Err(
@@ -78,14 +78,14 @@ impl Render {
             );
         }
         let scene = Scene::open(&self.scene)?;
-        let mut camera = match &self.camera {
-            Some(path) => read_camera(path)?,
-            None => overview(&scene),
-        };
+        let mut camera = camera_or_overview(self.camera.as_deref(), &scene)?;
         if let Some((width, height)) = self.size {
             (camera.width, camera.height) = (width, height);
         }
         let rays = camera.rays()?;
+        if let Some(path) = &self.save_camera {
+            write_json(path, &camera)?;
+        }
         let up = up_vector(scene.meta().settings.up);
         let loaded = LoadedScene::new(scene, progress)?;
         progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
@@ -127,7 +127,15 @@ impl Render {
     }
 }
 
-pub(super) fn up_vector(axis: Axis) -> DVec3 {
+/// The camera of a file, or the overview of the scene.
+pub(super) fn camera_or_overview(path: Option<&Path>, scene: &Scene) -> Result<Camera, Failure> {
+    match path {
+        Some(path) => read_camera(path),
+        None => Ok(overview(scene)),
+    }
+}
+
+fn up_vector(axis: Axis) -> DVec3 {
     match axis {
         Axis::X => DVec3::X,
         Axis::Y => DVec3::Y,
@@ -142,7 +150,7 @@ pub(super) fn default_sun(up: DVec3) -> DVec3 {
 }
 
 /// The whole scene from a corner above.
-pub(super) fn overview(scene: &Scene) -> Camera {
+fn overview(scene: &Scene) -> Camera {
     let bounds = scene.meta().bounds;
     let up = up_vector(scene.meta().settings.up);
     let side = DVec3::new(up.y, up.z, up.x);

@@ -8,8 +8,9 @@ use serde_json::json;
 
 use super::Failure;
 use super::numbers::parse_rays;
-use super::output::{human_count, print_out, read_camera, write_json};
+use super::output::{check_output, human_count, print_out, write_json};
 use super::progress::TerminalProgress;
+use super::render::camera_or_overview;
 use crate::camera::CameraRays;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
@@ -28,9 +29,12 @@ const PRINTED_OBJECTS: usize = 20;
 pub struct Visible {
     /// The scene
     scene: PathBuf,
-    /// Camera file (JSON)
+    /// Camera file (JSON); without one the camera sees the whole scene from a corner
     #[arg(long, value_name = "CAM.json")]
-    camera: PathBuf,
+    camera: Option<PathBuf>,
+    /// Write the camera that was used, to begin from
+    #[arg(long, value_name = "CAM.json")]
+    save_camera: Option<PathBuf>,
     /// How visibility is found
     #[arg(long, default_value = "hybrid")]
     method: MethodName,
@@ -80,9 +84,16 @@ impl Visible {
         if self.accept_below.is_some() && method != Method::Hybrid {
             return Err("--accept-below is for --method hybrid only".into());
         }
-        let camera = read_camera(&self.camera)?;
+        for output in self.json.iter().chain(&self.save_camera) {
+            check_output(output, "json")?;
+        }
+        let scene = Scene::open(&self.scene)?;
+        let camera = camera_or_overview(self.camera.as_deref(), &scene)?;
         let rays = camera.rays()?;
-        let loaded = LoadedScene::new(Scene::open(&self.scene)?, progress)?;
+        if let Some(path) = &self.save_camera {
+            write_json(path, &camera)?;
+        }
+        let loaded = LoadedScene::new(scene, progress)?;
         let first_sample = u32::from(self.seed).saturating_mul(self.rays_per_pixel);
         let settings = QuerySettings { rays_per_pixel: self.rays_per_pixel, first_sample, accept_below_px };
 
@@ -134,6 +145,14 @@ impl Visible {
             human_count(scene.objects().len() as u64),
             human_count(answer.rays),
         )?;
+        if objects.is_empty() {
+            let bounds = scene.meta().bounds;
+            print_out!(
+                "Does the camera look at the model? It lies from {:?} to {:?}.",
+                bounds.min,
+                bounds.max
+            )?;
+        }
         if let Some(checked) = &checked {
             print_accuracy(checked)?;
         }

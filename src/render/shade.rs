@@ -38,6 +38,8 @@ pub(super) struct Shader<'a> {
     shadows: Shadows,
     up: DVec3,
     to_sun: DVec3,
+    /// Level, at a right angle to the sun.
+    across: DVec3,
     forward: DVec3,
     /// Start of an exact shadow ray above its surface, world units: rounding of a hit is far below it, details worth a
     /// shadow are far above.
@@ -58,6 +60,7 @@ impl<'a> Shader<'a> {
             shadows: settings.shadows,
             up: settings.up.normalize_or(DVec3::Y),
             to_sun,
+            across: settings.up.cross(to_sun).normalize_or_zero(),
             forward: camera.forward(),
             exact_offset: scene.query.grid.voxel_size * f64::from(scene.query.grid.side()) * 1e-7,
             linear: (0..=255).map(|byte| linear_from_srgb(f64::from(byte) / 255.0)).collect(),
@@ -104,8 +107,10 @@ impl<'a> Shader<'a> {
                 let lit = facing > 0.0 && !self.is_shadowed(ray.at(hit.t), normal);
                 let sun = if lit { DVec3::new(1.0, 0.97, 0.90) * (0.85 * facing) } else { DVec3::ZERO };
                 // A little light from the eye, so that shapes in the shade keep their form.
-                let eye = 0.12 * (-normal.dot(self.forward)).max(0.0);
-                albedo * (ambient + sun + eye)
+                let eye = 0.14 * (-normal.dot(self.forward)).max(0.0);
+                // Light from the side, across the sun: walls at a right angle differ in the shade as well.
+                let side = 0.10 * normal.dot(self.across).abs();
+                albedo * (ambient + sun + eye + side)
             }
         }
     }
