@@ -14,7 +14,7 @@ use super::memory::{MemoryError, MemoryGuard};
 use super::part::{PartSettings, PrepareError, prepare_part};
 use super::resources::{StageCost, Stopwatch};
 use super::voxels::{ChunkGeometry, SceneDrawables};
-use crate::container::layout::SectionKind;
+use crate::container::layout::{ObjectRecord, SectionKind};
 use crate::container::{
     Axis, BuildReport, ContainerError, ContainerWriter, DagMeta, Damage, EncodedPart, Generator,
     GeometryRecords, GeometryWriter, GridMeta, Meta, PartError, SceneRecords, Settings, Source, encode_part,
@@ -25,6 +25,10 @@ use crate::report::Findings;
 
 /// Parts prepared between two writes, so that few wait in memory.
 const PARTS_PER_ROUND: usize = 256;
+
+/// Finding: the voxels hardly tell these objects apart.
+pub const OBJECTS_BELOW_A_VOXEL: &str =
+    "objects smaller than a voxel: raise the resolution, or look for an object far from the rest";
 
 /// How fine the voxels are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,6 +151,10 @@ pub fn build(
 
     let (grid, voxels, statistics) = voxelize_scene(&records, &chunks, settings, &guard)?;
     stopwatch.lap("voxels");
+
+    let is_tiny = |o: &&ObjectRecord| (0..3).all(|k| o.max[k] - o.min[k] < grid.voxel_size);
+    let tiny = records.objects().iter().filter(is_tiny).count() as u64;
+    findings.add(OBJECTS_BELOW_A_VOXEL, tiny, || format!("a voxel is {} units", grid.voxel_size));
 
     let meta = meta(&records, sources, settings, &grid, &voxels, &statistics)?;
     let report = BuildReport { findings, statistics: report_statistics(&records, &voxels, &statistics) };

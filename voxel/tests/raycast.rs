@@ -144,7 +144,7 @@ fn a_walk_past_bricks_meets_each_brick_once_and_all_of_them() {
         assert_eq!(skipping, all, "seed 2, round {round}: {ray:?}");
         met += all.len();
     }
-    assert!(met > 1000, "too few bricks to mean anything: {met}");
+    assert!(met > 600, "too few bricks to mean anything: {met}");
 }
 
 #[test]
