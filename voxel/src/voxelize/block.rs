@@ -2,7 +2,7 @@
 
 use super::bin::{Bins, Block, Source};
 use super::overlap::TriangleOverlap;
-use super::{Drawables, SnappedMesh, SnappedTriangle, for_each_cell};
+use super::{Drawables, SnappedMesh, SnappedTriangle};
 use crate::dag::DagError;
 use crate::dag::build::{DagTables, NodeDraft};
 use crate::dag::node::slot;
@@ -10,8 +10,6 @@ use crate::dag::owners::OwnerBuilder;
 
 /// No entry.
 const NONE: u32 = u32::MAX;
-/// Above this many candidate bricks a triangle is narrowed down through coarser cells first.
-const DIRECT_BRICKS: i64 = 16;
 
 /// Sub-DAG of a block.
 pub(super) struct BuiltBlock {
@@ -86,47 +84,15 @@ impl Scratch {
 
     /// Adds the bricks of the block that a triangle touches.
     fn add(&mut self, drawable: u32, triangle: SnappedTriangle, corner: [i32; 3], block_height: u32) {
-        let overlap = TriangleOverlap::new(triangle);
-        let size = 4 << (2 * block_height);
-        self.add_within(drawable, &overlap, corner, size, corner);
-    }
-
-    /// Adds the bricks within a cell of `size` voxels: directly, or through its 4x4x4 sub-cells.
-    fn add_within(
-        &mut self,
-        drawable: u32,
-        overlap: &TriangleOverlap,
-        cell: [i32; 3],
-        size: i32,
-        block: [i32; 3],
-    ) {
-        let candidates = |shift: u32| {
-            let (low, high) = overlap.cell_range(shift);
-            let first = [0, 1, 2].map(|k| low[k].max(cell[k] >> shift));
-            let end = cell.map(|c| (c + size).min(self.side));
-            let last = [0, 1, 2].map(|k| high[k].min((end[k] - 1) >> shift));
-            (first, last)
-        };
-        let (first, last) = candidates(2);
-        let bricks: i64 = (0..3).map(|k| i64::from((last[k] - first[k] + 1).max(0))).product();
-        if size > 4 && bricks > DIRECT_BRICKS {
-            let shift = size.trailing_zeros() - 2;
-            let (first, last) = candidates(shift);
-            for_each_cell(first, last, |at| {
-                let sub = at.map(|c| c << shift);
-                if shift == 2 || overlap.touches_cell(sub, shift) {
-                    self.add_within(drawable, overlap, sub, size / 4, block);
-                }
-            });
-            return;
-        }
-        for_each_cell(first, last, |at| {
-            let brick = at.map(|c| c << 2);
-            let mask = overlap.brick_mask(brick);
-            if mask != 0 {
-                self.add_mask(drawable, [0, 1, 2].map(|k| brick[k] - block[k]), mask);
-            }
-        });
+        let side = self.side;
+        TriangleOverlap::new(triangle).for_each_brick(
+            corner,
+            2 * block_height + 2,
+            side,
+            &mut |brick, mask| {
+                self.add_mask(drawable, [0, 1, 2].map(|k| brick[k] - corner[k]), mask);
+            },
+        );
     }
 
     fn add_mask(&mut self, drawable: u32, brick_in_block: [i32; 3], mask: u64) {

@@ -20,10 +20,13 @@
 
 use wide::i32x4;
 
+use super::for_each_cell;
 use crate::grid::SUBVOXELS;
 
 /// Widening of each box, in snapping steps.
 const WIDEN: i64 = 1;
+/// Above this many candidate bricks a triangle is narrowed down through coarser cells first.
+const DIRECT_BRICKS: i64 = 16;
 const STEPS: i64 = SUBVOXELS as i64;
 const SHIFT: u32 = STEPS.trailing_zeros();
 /// Side of a widened voxel, in steps.
@@ -121,6 +124,44 @@ impl TriangleOverlap {
         let reach =
             |pick: fn(i64) -> i64| self.normal.iter().map(|&n| i128::from(pick(n))).sum::<i128>() * size;
         at_low + reach(|n| n.max(0)) >= 0 && at_low + reach(|n| n.min(0)) <= 0
+    }
+
+    /// Calls `visit(corner, mask)` for the bricks that it touches within the cell of `2^shift` voxels (at least 4) at
+    /// `cell` and within a grid of `side` voxels: directly, or through sub-cells of a quarter of the side.
+    pub fn for_each_brick(
+        &self,
+        cell: [i32; 3],
+        shift: u32,
+        side: i32,
+        visit: &mut impl FnMut([i32; 3], u64),
+    ) {
+        let candidates = |sub: u32| {
+            let (low, high) = self.cell_range(sub);
+            let first = [0, 1, 2].map(|k| low[k].max(cell[k] >> sub));
+            let end = cell.map(|c| (c + (1 << shift)).min(side));
+            let last = [0, 1, 2].map(|k| high[k].min((end[k] - 1) >> sub));
+            (first, last)
+        };
+        let (first, last) = candidates(2);
+        let bricks: i64 = (0..3).map(|k| i64::from((last[k] - first[k] + 1).max(0))).product();
+        if shift > 2 && bricks > DIRECT_BRICKS {
+            let sub = shift - 2;
+            let (first, last) = candidates(sub);
+            for_each_cell(first, last, |at| {
+                let corner = at.map(|c| c << sub);
+                if sub == 2 || self.touches_cell(corner, sub) {
+                    self.for_each_brick(corner, sub, side, visit);
+                }
+            });
+            return;
+        }
+        for_each_cell(first, last, |at| {
+            let brick = at.map(|c| c << 2);
+            let mask = self.brick_mask(brick);
+            if mask != 0 {
+                visit(brick, mask);
+            }
+        });
     }
 
     /// The voxels that it touches of the 4x4x4 brick whose low corner is voxel `corner`: bit x + 4 y + 16 z.
