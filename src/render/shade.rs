@@ -136,7 +136,7 @@ impl<'a> Shader<'a> {
         let mut met = false;
         query.dag.cast(ray, |hit| {
             let owners = query.owners.of_brick(hit.brick_ordinal());
-            met = owners.of_voxel(hit.bit).any(|owner| !query.exact.is_transparent(owner));
+            met = owners.of_voxel(hit.bit()).any(|owner| !query.exact.is_transparent(owner));
             if met { Next::End } else { Next::Voxel }
         });
         met

@@ -57,7 +57,7 @@ impl RayQuery for VoxelQuery<'_> {
         let mut any = false;
         self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
             any = true;
-            let of_voxel = owners.of_brick(&self.scene, hit).of_voxel(hit.bit);
+            let of_voxel = owners.of_brick(&self.scene, hit).of_voxel(hit.bit());
             let mut first_opaque = None;
             for owner in of_voxel {
                 found.visible[owner as usize] = true;
@@ -111,16 +111,16 @@ impl RayQuery for HybridQuery<'_> {
         // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
         let slack = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
         self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
-            if best.is_some_and(|best| hit.t > best.t + slack) {
+            if best.is_some_and(|best| hit.t() > best.t + slack) {
                 return Next::End;
             }
-            let unseen = self.scene.grid.voxel_size < hit.t * self.footprint;
+            let unseen = self.scene.grid.voxel_size < hit.t() * self.footprint;
             let of_brick = owners.of_brick(&self.scene, hit);
-            for owner in of_brick.of_voxel(hit.bit) {
+            for owner in of_brick.of_voxel(hit.bit()) {
                 if unseen {
                     found.visible[owner as usize] = true;
                     if !exact.is_transparent(owner) && accepted.is_none() {
-                        accepted = Some((owner, hit.t));
+                        accepted = Some((owner, hit.t()));
                     }
                     continue;
                 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{random_soup, unit_grid};
+use common::{random_ray, random_soup, unit_grid};
 use glam::DVec3;
 use voxsight_voxel::dag::DagRef;
 use voxsight_voxel::raycast::{GridRay, Next};
@@ -40,46 +40,6 @@ fn occupied(dag: &DagRef) -> Vec<[i32; 3]> {
     voxels
 }
 
-fn random_ray(random: &mut oorandom::Rand64, side: f64) -> GridRay {
-    let point = |random: &mut oorandom::Rand64, reach: f64| {
-        DVec3::new(random.rand_float(), random.rand_float(), random.rand_float()) * reach
-            - DVec3::splat((reach - side) / 2.0)
-    };
-    let target = point(random, side);
-    let mut origin = match random.rand_range(0..4) {
-        0 => point(random, side),
-        1 => point(random, side * 1e6),
-        _ => point(random, side * 3.0),
-    };
-    let mut direction = target - origin;
-    match random.rand_range(0..10) {
-        0 => direction[random.rand_range(0..3) as usize] = 0.0,
-        1 => {
-            let axis = random.rand_range(0..3) as usize;
-            direction = DVec3::ZERO;
-            direction[axis] = if random.rand_range(0..2) == 0 { 1.0 } else { -1.0 };
-            origin = point(random, side);
-            origin[axis] = if direction[axis] > 0.0 { -1.0 } else { side + 1.0 };
-        }
-        2 => {
-            // Along a face: one coordinate on a plane, no motion across it.
-            let axis = random.rand_range(0..3) as usize;
-            origin[axis] = random.rand_range(0..side as u64) as f64;
-            direction[axis] = -0.0;
-        }
-        3 => {
-            // Through corners.
-            origin = origin.round();
-            direction = DVec3::new(1.0, -1.0, 1.0);
-        }
-        4 => direction[random.rand_range(0..3) as usize] = 5e-324,
-        5 => direction *= 1e-300,
-        6 => direction *= 1e200,
-        _ => {}
-    }
-    GridRay::new(origin, direction)
-}
-
 #[test]
 fn no_crossed_voxel_is_passed_and_none_is_made_up() {
     let mut hits = 0u64;
@@ -96,11 +56,11 @@ fn no_crossed_voxel_is_passed_and_none_is_made_up() {
             let mut found = Vec::new();
             let mut last_t = f64::NEG_INFINITY;
             dag.cast(&ray, |hit| {
-                assert!(hit.t >= last_t, "seed {seed} round {round}: {ray:?} goes back");
-                last_t = hit.t;
+                assert!(hit.t() >= last_t, "seed {seed} round {round}: {ray:?} goes back");
+                last_t = hit.t();
                 let (ordinal, mask) = dag.brick_at(hit.voxel).unwrap();
                 assert_eq!(hit.brick_ordinal(), ordinal);
-                assert!(mask >> hit.bit & 1 == 1);
+                assert!(mask >> hit.bit() & 1 == 1);
                 let grown = slab(&ray, hit.voxel, -blur);
                 assert!(grown.is_some(), "seed {seed} round {round}: {ray:?} does not cross {:?}", hit.voxel);
                 found.push(hit.voxel);

@@ -99,6 +99,11 @@ impl DagRef<'_> {
         self.log2
     }
 
+    /// Voxels a side of the tree: the grid's, or twice as many, of which only the lower half is used.
+    pub(crate) fn tree_side(&self) -> i32 {
+        4 << (2 * self.height)
+    }
+
     /// Occupied leaf bricks; their ordinals are below this.
     pub fn brick_count(&self) -> u32 {
         self.root.map_or(0, |root| self.counts[root as usize])

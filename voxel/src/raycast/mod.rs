@@ -1,15 +1,40 @@
 //! Ray casting through the DAG: the voxels that a ray crosses, front to back.
 //!
-//! Promise: a ray passes no occupied voxel that it crosses by more than 2^-10 voxel, and never loops. The position is
-//! kept as integer voxel coordinates; each step goes to the neighbouring cell across the nearest plane, whose distance
-//! is computed anew from the plane's position, so that no error accumulates and each step strictly advances along one
-//! axis. The ray is re-based in f64 at its entry into the grid.
+//! # Which voxels a ray crosses
 //!
-//! This is the scalar reference: every faster path is tested against it.
+//! The ray is re-based in f64 at its entry into the grid. It meets the plane at coordinate c of an axis at
+//! `t(c) = (c - base) * inverse`, computed from the plane's position every time and never accumulated. A voxel is
+//! *crossed* when the largest t of its three near planes is smaller than the smallest t of its three far planes (and the
+//! interval between lies in the ray's). For each axis, t rises with the planes, and the far plane of one voxel is the near plane
+//! of the next: so the open intervals between the ray's successive crossings belong to one voxel each, whatever the
+//! rounding. There is no tie, no gap and no way to loop. Rounding can only lose a voxel that the ray crosses by less than the error
+//! of t: far below the promised 2^-10 voxel (f64 keeps 2^-30 voxel from inside the largest grid and 2^-14 from a
+//! million grid sides away).
+//!
+//! # The paths
+//!
+//! | path | for | how |
+//! |---|---|---|
+//! | [`DagRef::cast`] | the reference | scalar, from cell to cell, integers and f64 |
+//! | [`RayCaster::cast`] | one ray, all its voxels | all 64 children of a node at once, f32 SIMD |
+//! | [`RayCaster::first_hits`], [`RayCaster::any_hits`] | many unrelated rays | the same, several rays interleaved |
+//! | [`RayCaster::cast_packet`] | up to 64 rays of a tile of pixels | the tile's frustum, then lanes of rays |
+//!
+//! The SIMD paths discard with f32 tests that are widened by a bound of their error, and decide in f64 by the rule above wherever f32
+//! leaves a doubt. So every path gives the same voxels as the reference, in the same order, on every processor.
 
+mod packet;
 mod ray;
+mod reference;
+mod single;
+mod slabs;
 
+pub use packet::{PACKET_RAYS, RayPacket};
 pub use ray::GridRay;
+
+use fearless_simd::{Level, Simd};
+
+use ray::Walk;
 
 use crate::dag::DagRef;
 use crate::dag::node::{child_word, mask_at, slot};
@@ -28,25 +53,59 @@ pub enum Next {
     End,
 }
 
+/// Width of what a ray stands for, in voxels: `width + growth t`, t in the ray's own parameter.
+///
+/// A brick entered where the width is more than its side (4 voxels) is not opened: it is reported as one hit. The
+/// default never stops early.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Footprint {
+    /// At t = 0.
+    pub width: f64,
+    /// Per unit of t.
+    pub growth: f64,
+}
+
+impl Footprint {
+    /// Is it wider than a brick at this t?
+    #[inline(always)]
+    fn covers_brick(&self, t: f64) -> bool {
+        self.width + self.growth * t > 4.0
+    }
+
+    fn is_zero(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// An occupied voxel that a ray crosses.
 pub struct VoxelHit<'t> {
-    /// Voxel coordinates.
+    /// Voxel coordinates; of the brick's low corner for a whole brick.
     pub voxel: [i32; 3],
-    /// Where the ray enters it, in the ray's own parameter; not below the ray's start.
-    pub t: f64,
-    /// Bit of the voxel in its brick.
-    pub bit: u32,
+    /// The ray's [`Footprint`] is wider than this brick, which stands for its voxels.
+    pub whole_brick: bool,
+    walk: &'t Walk,
     dag: &'t DagRef<'t>,
     /// Node of each height on the way down, index 0 unused.
-    path: &'t [u32; MAX_STACK],
+    nodes: &'t [u32; MAX_STACK],
 }
 
 impl VoxelHit<'_> {
+    /// Where the ray enters it, in the ray's own parameter; not below the ray's start.
+    pub fn t(&self) -> f64 {
+        let size = if self.whole_brick { 4 } else { 1 };
+        self.walk.ray_t(self.walk.entry(self.voxel, size))
+    }
+
+    /// Bit of the voxel in its brick.
+    pub fn bit(&self) -> u32 {
+        slot(self.voxel, 0)
+    }
+
     /// Ordinal of its brick in depth-first order, for [`crate::dag::OwnersRef::of_brick`].
     pub fn brick_ordinal(&self) -> u32 {
         (1..=self.dag.height)
             .map(|height| {
-                let node = self.path[height as usize];
+                let node = self.nodes[height as usize];
                 let word = child_word(mask_at(self.dag.words, node), node, slot(self.voxel, 2 * height));
                 self.dag.counts[word]
             })
@@ -56,67 +115,20 @@ impl VoxelHit<'_> {
 
 impl DagRef<'_> {
     /// Calls `visit` for the occupied voxels that the ray crosses, nearest first, until it says
-    /// [`Next::End`] or the ray ends.
-    pub fn cast(&self, ray: &GridRay, mut visit: impl FnMut(&VoxelHit) -> Next) {
-        let Some(root) = self.root else { return };
-        let side = 1 << self.log2;
-        let Some(walk) = ray.enter(f64::from(side)) else { return };
-        let last = side - 1;
-        let top = self.height;
+    /// [`Next::End`] or the ray ends. The scalar reference: [`RayCaster`] gives the same, faster.
+    pub fn cast(&self, ray: &GridRay, visit: impl FnMut(&VoxelHit) -> Next) {
+        self.cast_footprint(ray, Footprint::default(), visit);
+    }
 
-        let mut voxel = walk.start.map(|c| c.clamp(0, last));
-        let mut t = walk.t_start;
-        let mut path = [0u32; MAX_STACK];
-        path[top as usize] = root;
-        // Height of the node that `voxel` is looked up in; 0: `leaf` is the mask of its brick.
-        let mut height = top;
-        let mut leaf = 0u64;
-        loop {
-            // Down to the smallest cell that holds the voxel and is empty or a voxel.
-            let occupied = loop {
-                let bit = slot(voxel, 2 * height);
-                if height == 0 {
-                    break leaf >> bit & 1 == 1;
-                }
-                let node = path[height as usize];
-                let mask = mask_at(self.words, node);
-                if mask >> bit & 1 == 0 {
-                    break false;
-                }
-                let child = self.words[child_word(mask, node, bit)];
-                height -= 1;
-                if height == 0 {
-                    leaf = self.leaves[child as usize];
-                } else {
-                    path[height as usize] = child;
-                }
-            };
-            if occupied {
-                let hit = VoxelHit { voxel, t: walk.ray_t(t), bit: slot(voxel, 0), dag: self, path: &path };
-                match visit(&hit) {
-                    Next::Voxel => {}
-                    // As if the brick were an empty cell of the node above.
-                    Next::Brick => height = 1,
-                    Next::End => return,
-                }
-            }
-
-            // Across the nearest plane of the cell.
-            let size = 1 << (2 * height);
-            let low = voxel.map(|c| c & !(size - 1));
-            let (axis, t_exit) = walk.exit(low, size);
-            if t_exit > walk.t_end {
-                return;
-            }
-            t = t.max(t_exit);
-            let before = voxel;
-            voxel = walk.voxel_after(t, axis, before, low, size);
-            if voxel[axis] < 0 || voxel[axis] > last {
-                return;
-            }
-            // Up to the node that holds both.
-            let differ = (0..3).fold(0, |bits, k| bits | (before[k] ^ voxel[k]));
-            height = height.max((31 - (differ as u32).leading_zeros()) / 2);
+    /// [`DagRef::cast`], stopping at bricks below the footprint.
+    pub fn cast_footprint(
+        &self,
+        ray: &GridRay,
+        footprint: Footprint,
+        mut visit: impl FnMut(&VoxelHit) -> Next,
+    ) {
+        if let Some(walk) = ray.enter(f64::from(1 << self.log2)) {
+            reference::cast(self, &walk, footprint, &mut visit);
         }
     }
 
@@ -124,7 +136,7 @@ impl DagRef<'_> {
     pub fn first_hit(&self, ray: &GridRay) -> Option<([i32; 3], f64)> {
         let mut first = None;
         self.cast(ray, |hit| {
-            first = Some((hit.voxel, hit.t));
+            first = Some((hit.voxel, hit.t()));
             Next::End
         });
         first
@@ -133,5 +145,97 @@ impl DagRef<'_> {
     /// Does the ray cross an occupied voxel?
     pub fn any_hit(&self, ray: &GridRay) -> bool {
         self.first_hit(ray).is_some()
+    }
+}
+
+/// Which instructions the SIMD paths use. All give the same answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Instructions {
+    /// What every processor of the target has (SSE2, NEON).
+    Portable,
+    /// AVX2, FMA and BMI2.
+    Avx2,
+    /// AVX-512 as of Ice Lake and Zen 4.
+    Avx512,
+}
+
+impl Instructions {
+    /// Those that this processor has, slowest first.
+    pub fn available() -> Vec<Self> {
+        let best = Self::best();
+        [Self::Portable, Self::Avx2, Self::Avx512].into_iter().filter(|&set| set <= best).collect()
+    }
+
+    /// The fastest that this processor has.
+    pub fn best() -> Self {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        match Level::new() {
+            Level::Avx512(_) => return Self::Avx512,
+            Level::Avx2(_) => return Self::Avx2,
+            _ => {}
+        }
+        Self::Portable
+    }
+}
+
+/// Runs code that is generic over [`Simd`] with the instructions asked for; with less where the processor has less.
+macro_rules! with_simd {
+    ($instructions:expr, $simd:ident => $op:expr) => {{
+        let level = Level::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        let (avx512, avx2) = (level.as_avx512(), level.as_avx2());
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        let (avx512, avx2): (Option<fearless_simd::Fallback>, Option<fearless_simd::Fallback>) = (None, None);
+        match ($instructions, avx512, avx2) {
+            (Instructions::Avx512, Some($simd), _) => $simd.vectorize(
+                #[inline(always)]
+                || $op,
+            ),
+            (Instructions::Avx512 | Instructions::Avx2, _, Some($simd)) => $simd.vectorize(
+                #[inline(always)]
+                || $op,
+            ),
+            _ => fearless_simd::dispatch!(Level::baseline(), $simd => $op),
+        }
+    }};
+}
+
+/// Casts rays through a DAG with SIMD: the same voxels as [`DagRef::cast`].
+#[derive(Clone, Copy, Debug)]
+pub struct RayCaster<'a> {
+    dag: DagRef<'a>,
+    instructions: Instructions,
+    footprint: Footprint,
+}
+
+impl<'a> RayCaster<'a> {
+    /// With the fastest instructions of this processor, and without stopping at bricks.
+    pub fn new(dag: DagRef<'a>) -> Self {
+        RayCaster { dag, instructions: Instructions::best(), footprint: Footprint::default() }
+    }
+
+    /// With these instructions instead; with lesser ones where the processor lacks them.
+    pub fn with_instructions(self, instructions: Instructions) -> Self {
+        RayCaster { instructions, ..self }
+    }
+
+    /// Stopping at bricks below this footprint.
+    pub fn with_footprint(self, footprint: Footprint) -> Self {
+        RayCaster { footprint, ..self }
+    }
+
+    /// Calls `visit` for the occupied voxels that the ray crosses, nearest first, until it says [`Next::End`] or the ray
+    /// ends.
+    pub fn cast(&self, ray: &GridRay, mut visit: impl FnMut(&VoxelHit) -> Next) {
+        let Self { dag, footprint, .. } = self;
+        with_simd!(self.instructions, simd => single::cast(simd, dag, ray, *footprint, &mut visit));
+    }
+
+    /// [`RayCaster::cast`] for each ray of a packet; `visit` also gets the ray's number. Rays of a packet should be
+    /// neighbours: what they do not share costs time, never an answer. Hits of one ray come nearest first, those of
+    /// different rays in any order.
+    pub fn cast_packet(&self, packet: &RayPacket, mut visit: impl FnMut(usize, &VoxelHit) -> Next) {
+        let Self { dag, footprint, .. } = self;
+        with_simd!(self.instructions, simd => packet::cast(simd, dag, packet, *footprint, &mut visit));
     }
 }

@@ -1,10 +1,17 @@
-//! A ray of grid space, and its walk from plane to plane.
+//! A ray of grid space, and its crossing of planes and cells in f64.
 
 use glam::DVec3;
 
 /// Direction components below this fraction of the largest are taken as 0: over the largest grid they move the ray by
 /// less than 2^-40 voxel.
 const NEGLIGIBLE: f64 = 1.0 / (1u64 << 60) as f64;
+
+/// Stands for 1/0: larger than any other reciprocal, and still finite after every product.
+const PARALLEL: f64 = (1u128 << 100) as f64;
+
+/// Directions with a largest component in this range are used as they come; others are scaled by a power of two, which
+/// is exact.
+const PLAIN_LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / (1u64 << 20) as f64..=(1u64 << 20) as f64;
 
 /// A ray of grid space: the points `origin + t direction` for `t` in `t_min ..= t_max`.
 ///
@@ -28,99 +35,163 @@ impl GridRay {
     }
 
     /// Clips the ray to the grid of `side` voxels and re-bases it at its entry. `None` when it passes by.
+    #[inline(always)]
     pub(super) fn enter(&self, side: f64) -> Option<Walk> {
-        let largest = self.direction.abs().max_element();
-        if !(largest > 0.0 && largest.is_finite() && self.origin.is_finite()) {
-            return None;
-        }
-        // The power of two below the largest component, so that the division is exact: it becomes 1 to 2.
-        let exponent = largest.to_bits() & f64::INFINITY.to_bits();
-        let scale = f64::from_bits(exponent.max(1));
-        let direction = (self.direction / scale).map(|d| if d.abs() < NEGLIGIBLE { 0.0 } else { d });
-        let (mut t_in, mut t_out) = (self.t_min * scale, self.t_max * scale);
-        if t_in.is_nan() || t_out.is_nan() {
-            return None;
-        }
-        for k in 0..3 {
-            if direction[k] == 0.0 {
-                if !(0.0..=side).contains(&self.origin[k]) {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = (-self.origin[k] / direction[k], (side - self.origin[k]) / direction[k]);
-            t_in = t_in.max(a.min(b));
-            t_out = t_out.min(a.max(b));
-        }
-        if t_in > t_out {
-            return None;
-        }
-        let t_base = t_in;
-        let base = (self.origin + t_base * direction).clamp(DVec3::ZERO, DVec3::splat(side));
-        let start = [0, 1, 2].map(|k| {
-            // Not negative, so that truncation is the floor.
-            let c = base[k] as i32;
-            // On a plane and going down: the ray's first voxel is the one below.
-            if f64::from(c) == base[k] && direction[k] < 0.0 { c - 1 } else { c }
-        });
-        let inverse = direction.map(|d| if d == 0.0 { 0.0 } else { d.recip() });
-        Some(Walk { base, direction, inverse, start, t_start: 0.0, t_end: t_out - t_base, t_base, scale })
+        let walk = Walk::new(self, side);
+        walk.is_inside().then_some(walk)
     }
 }
 
-/// A ray re-based at its entry into the grid; its parameter counts from there.
+/// A ray re-based at its entry into the grid; its parameter t counts from there.
+///
+/// Everything that decides which voxels it crosses is a function of [`Walk::at`] alone: where every path calls it, all
+/// paths agree to the last bit.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Walk {
-    base: DVec3,
-    direction: DVec3,
-    inverse: DVec3,
-    pub start: [i32; 3],
-    pub t_start: f64,
+    /// Where the ray enters the grid, inside it.
+    pub base: [f64; 3],
+    pub direction: [f64; 3],
+    /// 1/direction; [`PARALLEL`] where the ray stays in a plane.
+    pub inverse: [f64; 3],
+    /// End of the ray or of the grid; negative when it misses the grid.
     pub t_end: f64,
-    t_base: f64,
-    scale: f64,
+    pub t_base: f64,
+    pub scale: f64,
 }
 
 impl Walk {
+    /// Without branches, so that loops over many rays become SIMD code. Check [`Walk::is_inside`].
+    #[inline(always)]
+    pub fn new(ray: &GridRay, side: f64) -> Self {
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let smaller = |a: f64, b: f64| if a < b { a } else { b };
+        let origin = ray.origin.to_array();
+        let given = ray.direction.to_array();
+        let largest = larger(larger(given[0].abs(), given[1].abs()), given[2].abs());
+        let power_of_two = f64::from_bits((largest.to_bits() & f64::INFINITY.to_bits()).max(1));
+        let scale = if PLAIN_LENGTHS.contains(&largest) { 1.0 } else { power_of_two };
+        let negligible = largest / scale * NEGLIGIBLE;
+
+        let mut walk = Walk {
+            base: [0.0; 3],
+            direction: [0.0; 3],
+            inverse: [PARALLEL; 3],
+            t_end: 0.0,
+            t_base: 0.0,
+            scale,
+        };
+        let (mut t_in, mut t_out) = (ray.t_min * scale, ray.t_max * scale);
+        let mut finite = largest > 0.0 && largest < f64::INFINITY && !t_out.is_nan();
+        for k in 0..3 {
+            let d = given[k] / scale;
+            let parallel = d.abs() < negligible;
+            let inverse = if parallel { PARALLEL } else { 1.0 / d };
+            walk.direction[k] = if parallel { 0.0 } else { d };
+            walk.inverse[k] = inverse;
+            let (a, b) = ((0.0 - origin[k]) * inverse, (side - origin[k]) * inverse);
+            let within = origin[k] >= 0.0 && origin[k] <= side;
+            let everywhere = if within { f64::INFINITY } else { f64::NEG_INFINITY };
+            t_in = larger(t_in, if parallel { -everywhere } else { smaller(a, b) });
+            t_out = smaller(t_out, if parallel { everywhere } else { larger(a, b) });
+            finite &= origin[k].abs() < f64::INFINITY;
+        }
+        let inside = finite && t_in <= t_out && t_in.abs() < f64::INFINITY;
+        for k in 0..3 {
+            let entry = origin[k] + t_in * walk.direction[k];
+            walk.base[k] = smaller(larger(0.0, entry), side);
+        }
+        walk.t_base = t_in;
+        walk.t_end = if inside { t_out - t_in } else { -1.0 };
+        walk
+    }
+
+    /// Does the ray meet the grid at all?
+    #[inline(always)]
+    pub fn is_inside(&self) -> bool {
+        self.t_end >= 0.0
+    }
+
     /// Parameter of the caller's ray.
+    #[inline(always)]
     pub fn ray_t(&self, t: f64) -> f64 {
         (self.t_base + t) / self.scale
     }
 
-    /// The axis and the parameter at which the ray leaves a cell of `size` voxels.
+    /// Where the ray meets the plane at this coordinate of axis k.
     #[inline(always)]
-    pub fn exit(&self, low: [i32; 3], size: i32) -> (usize, f64) {
-        let at = |k: usize| {
-            if self.direction[k] == 0.0 {
-                return f64::INFINITY;
-            }
-            let plane = if self.direction[k] > 0.0 { low[k] + size } else { low[k] };
-            (f64::from(plane) - self.base[k]) * self.inverse[k]
-        };
-        let (x, y, z) = (at(0), at(1), at(2));
-        if x <= y && x <= z {
-            (0, x)
-        } else if y <= z {
-            (1, y)
-        } else {
-            (2, z)
-        }
+    pub fn at(&self, k: usize, plane: i32) -> f64 {
+        (f64::from(plane) - self.base[k]) * self.inverse[k]
     }
 
-    /// The voxel entered at `t` when leaving the cell (low, size) across its plane along `axis`, coming from `before`.
+    /// Does it run towards larger coordinates of axis k (or in a plane across k)?
     #[inline(always)]
-    pub fn voxel_after(&self, t: f64, axis: usize, before: [i32; 3], low: [i32; 3], size: i32) -> [i32; 3] {
-        let mut voxel = [0; 3];
-        for k in 0..3 {
-            let rises = self.direction[k] > 0.0;
-            voxel[k] = if k == axis {
-                if rises { low[k] + size } else { low[k] - 1 }
-            } else {
-                // Within the cell that it leaves, and never back: rounding moves it by far less than 2^-10 voxel.
-                // Truncation is the floor here: what is below 0 is clamped anyway.
-                let c = (self.base[k] + t * self.direction[k]) as i32;
-                if rises { c.clamp(before[k], low[k] + size - 1) } else { c.clamp(low[k], before[k]) }
-            };
+    pub fn rises(&self, k: usize) -> bool {
+        self.inverse[k] > 0.0
+    }
+
+    /// Axes along which it runs towards smaller coordinates: x, y, z = 1, 2, 4.
+    #[inline(always)]
+    pub fn flip(&self) -> u32 {
+        (0..3).fold(0, |flip, k| flip | u32::from(!self.rises(k)) << k)
+    }
+
+    /// Where the ray enters the cell of `size` voxels with this low corner, `None` when it does not cross it: the rule
+    /// of the module's documentation.
+    #[inline(always)]
+    pub fn crosses(&self, low: [i32; 3], size: i32) -> Option<f64> {
+        let (mut t_in, mut t_out) = (0.0f64, f64::INFINITY);
+        for (k, &low) in low.iter().enumerate() {
+            let (a, b) = (self.at(k, low), self.at(k, low + size));
+            let (near, far) = if self.rises(k) { (a, b) } else { (b, a) };
+            t_in = if near > t_in { near } else { t_in };
+            t_out = if far < t_out { far } else { t_out };
         }
-        voxel
+        (t_in < t_out && t_in <= self.t_end).then_some(t_in)
+    }
+
+    /// Where the ray enters a cell of `size` voxels that it crosses; not below 0, its start.
+    #[inline(always)]
+    pub fn entry(&self, low: [i32; 3], size: i32) -> f64 {
+        (0..3).fold(0.0, |t, k| {
+            let near = self.at(k, if self.rises(k) { low[k] } else { low[k] + size });
+            if near > t { near } else { t }
+        })
+    }
+
+    /// The voxel in which the ray starts; may lie outside the grid where the ray only touches it.
+    pub fn start(&self) -> [i32; 3] {
+        [0, 1, 2].map(|k| {
+            // Not negative, so that truncation is the floor.
+            let c = self.base[k] as i32;
+            // On a plane and going down: the ray's first voxel is the one below.
+            if f64::from(c) == self.base[k] && !self.rises(k) { c - 1 } else { c }
+        })
+    }
+
+    /// Coordinate of axis k of the voxel that the ray is in just after `t`, within the cell of `size` voxels that starts
+    /// at `low`, from the voxel `before` on.
+    #[inline(always)]
+    pub fn coordinate_after(&self, k: usize, t: f64, before: i32, low: i32, size: i32) -> i32 {
+        // A guess that rounding can make wrong by one, then the planes decide.
+        let guess = (self.base[k] + t * self.direction[k]) as i32;
+        if self.rises(k) {
+            let mut c = guess.clamp(before, low + size - 1);
+            while c > before && self.at(k, c) > t {
+                c -= 1;
+            }
+            while c < low + size - 1 && self.at(k, c + 1) <= t {
+                c += 1;
+            }
+            c
+        } else {
+            let mut c = guess.clamp(low, before);
+            while c < before && self.at(k, c + 1) > t {
+                c += 1;
+            }
+            while c > low && self.at(k, c) <= t {
+                c -= 1;
+            }
+            c
+        }
     }
 }
