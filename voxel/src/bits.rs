@@ -49,6 +49,20 @@ pub(crate) fn mirror_slot(flip: u32) -> u32 {
     (flip & 1) * 0b11 | (flip >> 1 & 1) * 0b1100 | (flip >> 2 & 1) * 0b11_0000
 }
 
+/// The positions of the set bits, rising.
+pub(crate) struct SetBits(pub u64);
+
+impl Iterator for SetBits {
+    type Item = u32;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<u32> {
+        let bit = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        (bit < 64).then_some(bit)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

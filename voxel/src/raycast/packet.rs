@@ -3,11 +3,11 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16};
 
-use super::ray::Walk;
+use super::ray::{RayLanes, Walks};
 use super::single::{Subtree, cast_alone, cast_brick, cast_subtree, child_corner, true_corner};
 use super::slabs::{Columns, MARGIN, RaySlabs, TileSlabs, rounded_down, rounded_up};
 use super::{Footprint, GridRay, MAX_STACK, Next, VoxelHit};
-use crate::bits::{mirror, mirror_slot};
+use crate::bits::{SetBits, mirror, mirror_slot};
 use crate::dag::DagRef;
 use crate::dag::node::{child_word, mask_at};
 
@@ -25,37 +25,32 @@ const FEW_RAYS: u32 = 4;
 /// Up to [`PACKET_RAYS`] rays, such as those of a tile of 8x8 pixels.
 #[derive(Clone, Debug)]
 pub struct RayPacket {
-    rays: [GridRay; PACKET_RAYS],
+    rays: RayLanes<PACKET_RAYS>,
     count: usize,
 }
 
 impl Default for RayPacket {
     fn default() -> Self {
-        let nothing = GridRay::new(glam::DVec3::ZERO, glam::DVec3::ZERO);
-        RayPacket { rays: [nothing; PACKET_RAYS], count: 0 }
+        RayPacket { rays: RayLanes::new(), count: 0 }
     }
 }
 
 impl RayPacket {
     /// Replaces the rays: the first [`PACKET_RAYS`] that come. Returns how many that were.
+    #[inline]
     pub fn fill(&mut self, rays: impl IntoIterator<Item = GridRay>) -> usize {
         self.count = 0;
-        for (slot, ray) in self.rays.iter_mut().zip(rays) {
-            *slot = ray;
-            self.count += 1;
+        for (i, ray) in rays.into_iter().take(PACKET_RAYS).enumerate() {
+            self.rays.set(i, &ray);
+            self.count = i + 1;
         }
         self.count
-    }
-
-    /// The rays.
-    pub fn rays(&self) -> &[GridRay] {
-        &self.rays[..self.count]
     }
 }
 
 /// The packet on its way: rays re-based at a common t, mirrored as the rays of one octant are.
-struct Lanes {
-    walks: [Walk; PACKET_RAYS],
+struct Lanes<'w> {
+    walks: &'w Walks<PACKET_RAYS>,
     /// Origins moved up and down, and reciprocals: see [`RaySlabs`].
     high: [[f32; PACKET_RAYS]; 3],
     low: [[f32; PACKET_RAYS]; 3],
@@ -75,98 +70,117 @@ pub(super) fn cast<S: Simd>(
     visit: &mut impl FnMut(usize, &VoxelHit) -> Next,
 ) {
     let Some(root) = dag.root else { return };
-    let side = f64::from(1 << dag.log2);
-    let mut lanes = Lanes {
-        walks: packet.rays.each_ref().map(|ray| Walk::new(ray, side)),
-        high: [[0.0; PACKET_RAYS]; 3],
-        low: [[0.0; PACKET_RAYS]; 3],
-        inverse: [[0.0; PACKET_RAYS]; 3],
-        t_min: [0.0; PACKET_RAYS],
-        t_max: [0.0; PACKET_RAYS],
-        tile: TileSlabs::default(),
-    };
+    let walks = Walks::new(&packet.rays, f64::from(1 << dag.log2));
     let columns = Columns::new(simd);
-    let mut waiting = 0u64;
     let mut nodes = [0u32; MAX_STACK];
     nodes[dag.height as usize] = root;
-    for (i, walk) in lanes.walks.iter().enumerate().take(packet.count) {
-        if !walk.is_inside() {
-            continue;
-        }
-        if walk.scale == 1.0 {
-            waiting |= 1 << i;
-        } else {
-            // Its parameter is not that of the others.
-            cast_alone(columns, dag, walk, &mut nodes, footprint, &mut |hit| visit(i, hit));
-        }
+    let (mut waiting, mut apart) = (0u64, 0u64);
+    let mut flips = [0u8; PACKET_RAYS];
+    for i in 0..packet.count {
+        let inside = u64::from(walks.t_end[i] >= 0.0);
+        // A ray whose parameter is not that of the others goes alone.
+        let plain = u64::from(walks.scale[i] == 1.0);
+        waiting |= (inside & plain) << i;
+        apart |= (inside & !plain) << i;
+        flips[i] = walks.flip(i) as u8;
+    }
+    for i in SetBits(apart) {
+        let i = i as usize;
+        cast_alone(columns, dag, &walks.get(i), &mut nodes, footprint, &mut |hit| visit(i, hit));
     }
     // Usually all rays go to the same octant; a tile across an axis is done in parts.
     while waiting != 0 {
-        let flip = lanes.walks[waiting.trailing_zeros() as usize].flip();
+        let flip = flips[waiting.trailing_zeros() as usize];
         let mut rays = 0u64;
-        let mut t_start = f64::INFINITY;
-        for_each_ray(waiting, |i| {
-            let walk = &lanes.walks[i];
-            if walk.flip() == flip {
-                rays |= 1 << i;
-                t_start = t_start.min(walk.t_base);
-            }
-        });
+        for i in 0..PACKET_RAYS {
+            rays |= u64::from(flips[i] == flip) << i;
+        }
+        rays &= waiting;
         waiting &= !rays;
-        trace(columns, dag, root, &mut lanes, rays, flip, t_start, footprint, visit);
+        let mut lanes = Lanes::new(&walks);
+        let apart = lanes.set_up(rays, u32::from(flip), f64::from(dag.tree_side()));
+        for i in SetBits(apart) {
+            let i = i as usize;
+            cast_alone(columns, dag, &walks.get(i), &mut nodes, footprint, &mut |hit| visit(i, hit));
+        }
+        trace(columns, dag, root, &lanes, rays & !apart, u32::from(flip), footprint, visit);
     }
 }
 
-/// Calls `f` with the number of each ray of the set, in rising order.
-#[inline(always)]
-fn for_each_ray(rays: u64, mut f: impl FnMut(usize)) {
-    let mut left = rays;
-    while left != 0 {
-        f(left.trailing_zeros() as usize);
-        left &= left - 1;
-    }
-}
-
-impl Lanes {
-    /// Sets up the rays of one octant from `t_start` on. Returns those that do not fit into f32 beside the others.
+impl<'w> Lanes<'w> {
     #[inline(always)]
-    fn set_up(&mut self, rays: u64, tree_side: f64, t_start: f64) -> u64 {
+    fn new(walks: &'w Walks<PACKET_RAYS>) -> Self {
+        Lanes {
+            walks,
+            high: [[0.0; PACKET_RAYS]; 3],
+            low: [[0.0; PACKET_RAYS]; 3],
+            inverse: [[0.0; PACKET_RAYS]; 3],
+            t_min: [0.0; PACKET_RAYS],
+            t_max: [0.0; PACKET_RAYS],
+            tile: TileSlabs::default(),
+        }
+    }
+
+    /// Sets up the rays of one octant. Returns those that do not fit into f32 beside the others.
+    #[inline(always)]
+    fn set_up(&mut self, rays: u64, flip: u32, tree_side: f64) -> u64 {
         let margin = MARGIN * tree_side;
-        let mut apart = 0;
-        let mut tile = TileSlabs {
-            high: [f32::NEG_INFINITY; 3],
-            low: [f32::INFINITY; 3],
-            least_inverse: [f32::INFINITY; 3],
-            greatest_inverse: [0.0; 3],
-            t_min: f32::INFINITY,
-            t_max: f32::NEG_INFINITY,
-        };
-        for_each_ray(rays, |i| {
-            let walk = &self.walks[i];
-            let ahead = walk.t_base - t_start;
-            if walk.direction.iter().any(|d| d.abs() * ahead > tree_side) {
-                apart |= 1 << i;
-                return;
-            }
+        let mut t_start = f64::INFINITY;
+        for i in SetBits(rays) {
+            let t = self.walks.t_base[i as usize];
+            t_start = if t < t_start { t } else { t_start };
+        }
+        let mut out = [0u8; PACKET_RAYS];
+        for i in 0..PACKET_RAYS {
+            let ahead = self.walks.t_base[i] - t_start;
+            let mut farthest = 0.0;
             for k in 0..3 {
-                let origin = walk.base[k] - ahead * walk.direction[k];
-                let origin = if walk.rises(k) { origin } else { tree_side - origin };
-                let (high, low) = ((origin + margin) as f32, (origin - margin) as f32);
-                let inverse = walk.inverse[k].abs() as f32;
-                self.high[k][i] = high;
-                self.low[k][i] = low;
-                self.inverse[k][i] = inverse;
-                tile.high[k] = tile.high[k].max(high);
-                tile.low[k] = tile.low[k].min(low);
-                tile.least_inverse[k] = tile.least_inverse[k].min(inverse);
-                tile.greatest_inverse[k] = tile.greatest_inverse[k].max(inverse);
+                let moved = ahead * self.walks.direction[k][i];
+                farthest = if moved.abs() > farthest { moved.abs() } else { farthest };
+                let origin = self.walks.base[k][i] - moved;
+                let origin = if flip >> k & 1 == 0 { origin } else { tree_side - origin };
+                self.high[k][i] = (origin + margin) as f32;
+                self.low[k][i] = (origin - margin) as f32;
+                self.inverse[k][i] = self.walks.inverse[k][i].abs() as f32;
             }
             self.t_min[i] = rounded_down(ahead);
-            self.t_max[i] = rounded_up(ahead + walk.t_end);
-            tile.t_min = tile.t_min.min(self.t_min[i]);
-            tile.t_max = tile.t_max.max(self.t_max[i]);
-        });
-        self.tile = tile;
+            self.t_max[i] = rounded_up(ahead + self.walks.t_end[i]);
+            out[i] = u8::from(farthest > tree_side);
+        }
+        let mut apart = 0;
+        for i in 0..PACKET_RAYS {
+            apart |= u64::from(out[i]) << i;
+        }
+        apart &= rays;
+        let together = rays & !apart;
+        if together == 0 {
+            return apart;
+        }
+        // Lanes without a ray repeat one that is there: no test needs to know.
+        let some = together.trailing_zeros() as usize;
+        for i in SetBits(!together) {
+            let i = i as usize;
+            for k in 0..3 {
+                self.high[k][i] = self.high[k][some];
+                self.low[k][i] = self.low[k][some];
+                self.inverse[k][i] = self.inverse[k][some];
+            }
+            self.t_min[i] = self.t_min[some];
+            self.t_max[i] = self.t_max[some];
+        }
+        let least =
+            |lanes: &[f32; PACKET_RAYS]| lanes.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
+        let most = |lanes: &[f32; PACKET_RAYS]| {
+            lanes.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a })
+        };
+        for k in 0..3 {
+            self.tile.high[k] = most(&self.high[k]);
+            self.tile.low[k] = least(&self.low[k]);
+            self.tile.least_inverse[k] = least(&self.inverse[k]);
+            self.tile.greatest_inverse[k] = most(&self.inverse[k]);
+        }
+        self.tile.t_min = least(&self.t_min);
+        self.tile.t_max = most(&self.t_max);
         apart
     }
 
@@ -220,10 +234,9 @@ fn trace<S: Simd>(
     columns: Columns<S>,
     dag: &DagRef,
     root: u32,
-    lanes: &mut Lanes,
+    lanes: &Lanes,
     rays: u64,
     flip: u32,
-    t_start: f64,
     footprint: Footprint,
     visit: &mut impl FnMut(usize, &VoxelHit) -> Next,
 ) {
@@ -232,14 +245,9 @@ fn trace<S: Simd>(
     let mut nodes = [0u32; MAX_STACK];
     nodes[top] = root;
 
-    let apart = lanes.set_up(rays, f64::from(dag.tree_side()), t_start);
-    for_each_ray(apart, |i| {
-        cast_alone(columns, dag, &lanes.walks[i], &mut nodes, footprint, &mut |hit| visit(i, hit));
-    });
-
     let slot_flip = mirror_slot(flip);
     let sizes = |height: usize| (1u32 << (2 * height)) as f32;
-    let mut alive = rays & !apart;
+    let mut alive = rays;
     let mut corners = [[0.0f32; 3]; MAX_STACK];
     let mut left = [0u64; MAX_STACK];
     let mut rays_at = [0u64; MAX_STACK];
@@ -275,15 +283,16 @@ fn trace<S: Simd>(
             alive &= !ended;
         } else if rays.count_ones() < FEW_RAYS {
             nodes[height - 1] = child;
-            for_each_ray(rays, |i| {
-                let (walk, slabs) = (&lanes.walks[i], lanes.slabs(i));
+            for i in SetBits(rays) {
+                let i = i as usize;
+                let (walk, slabs) = (&lanes.walks.get(i), lanes.slabs(i));
                 let subtree = Subtree { height: height as u32 - 1, corner };
                 let goes_on =
                     cast_subtree(columns, dag, walk, &slabs, &mut nodes, subtree, footprint, &mut |hit| {
                         visit(i, hit)
                     });
                 alive &= !(u64::from(!goes_on) << i);
-            });
+            }
         } else {
             height -= 1;
             nodes[height] = child;
@@ -316,14 +325,15 @@ fn brick<S: Simd>(
     let candidates = if count > FEW_RAYS { leaf & lanes.tile.children(columns, corner, 1.0) } else { leaf };
     // A voxel costs a test of all rays, a ray a test of all voxels: whichever are fewer.
     if !footprint.is_zero() || candidates.count_ones() * 2 > count {
-        for_each_ray(rays, |i| {
-            let (walk, slabs) = (&lanes.walks[i], lanes.slabs(i));
+        for i in SetBits(rays) {
+            let i = i as usize;
+            let (walk, slabs) = (&lanes.walks.get(i), lanes.slabs(i));
             let goes_on =
                 cast_brick(columns, dag, walk, &slabs, nodes, corner, candidates, footprint, &mut |hit| {
                     visit(i, hit)
                 });
             ended |= u64::from(!goes_on) << i;
-        });
+        }
         return ended;
     }
     let mut rays = rays;
@@ -337,10 +347,11 @@ fn brick<S: Simd>(
         }
         let sure = lanes.crossing::<S, true>(simd, maybe, at, 1.0);
         let voxel = true_corner(dag, at, 1, flip);
-        for_each_ray(maybe, |i| {
-            let walk = &lanes.walks[i];
+        for i in SetBits(maybe) {
+            let i = i as usize;
+            let walk = &lanes.walks.get(i);
             if sure >> i & 1 == 0 && walk.crosses(voxel, 1).is_none() {
-                return;
+                continue;
             }
             match visit(i, &VoxelHit { voxel, whole_brick: false, walk, dag, nodes }) {
                 Next::Voxel => {}
@@ -350,7 +361,7 @@ fn brick<S: Simd>(
                     ended |= 1 << i;
                 }
             }
-        });
+        }
     }
     ended
 }

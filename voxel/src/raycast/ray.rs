@@ -195,3 +195,97 @@ impl Walk {
         }
     }
 }
+
+/// Many [`Walk`]s, lane by lane.
+pub(super) struct Walks<const N: usize> {
+    pub base: [[f64; N]; 3],
+    pub direction: [[f64; N]; 3],
+    pub inverse: [[f64; N]; 3],
+    pub t_end: [f64; N],
+    pub t_base: [f64; N],
+    pub scale: [f64; N],
+}
+
+impl<const N: usize> Walks<N> {
+    /// What [`Walk::new`] gives, in loops that become SIMD code.
+    #[inline(always)]
+    pub fn new(rays: &RayLanes<N>, side: f64) -> Self {
+        let mut walks = Walks {
+            base: [[0.0; N]; 3],
+            direction: [[0.0; N]; 3],
+            inverse: [[0.0; N]; 3],
+            t_end: [0.0; N],
+            t_base: [0.0; N],
+            scale: [0.0; N],
+        };
+        for i in 0..N {
+            let walk = Walk::new(&rays.get(i), side);
+            for k in 0..3 {
+                walks.base[k][i] = walk.base[k];
+                walks.direction[k][i] = walk.direction[k];
+                walks.inverse[k][i] = walk.inverse[k];
+            }
+            walks.t_end[i] = walk.t_end;
+            walks.t_base[i] = walk.t_base;
+            walks.scale[i] = walk.scale;
+        }
+        walks
+    }
+
+    /// [`Walk::flip`] of one of them.
+    #[inline(always)]
+    pub fn flip(&self, i: usize) -> u32 {
+        (0..3).fold(0, |flip, k| flip | u32::from(self.inverse[k][i] < 0.0) << k)
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Walk {
+        let pick = |lanes: &[[f64; N]; 3]| [lanes[0][i], lanes[1][i], lanes[2][i]];
+        Walk {
+            base: pick(&self.base),
+            direction: pick(&self.direction),
+            inverse: pick(&self.inverse),
+            t_end: self.t_end[i],
+            t_base: self.t_base[i],
+            scale: self.scale[i],
+        }
+    }
+}
+
+/// Rays of grid space, lane by lane.
+#[derive(Clone, Debug)]
+pub(super) struct RayLanes<const N: usize> {
+    origin: [[f64; N]; 3],
+    direction: [[f64; N]; 3],
+    t_min: [f64; N],
+    t_max: [f64; N],
+}
+
+impl<const N: usize> RayLanes<N> {
+    /// Rays that hit nothing.
+    pub fn new() -> Self {
+        RayLanes { origin: [[0.0; N]; 3], direction: [[0.0; N]; 3], t_min: [0.0; N], t_max: [0.0; N] }
+    }
+
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, ray: &GridRay) {
+        for k in 0..3 {
+            self.origin[k][i] = ray.origin[k];
+            self.direction[k][i] = ray.direction[k];
+        }
+        self.t_min[i] = ray.t_min;
+        self.t_max[i] = ray.t_max;
+    }
+
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> GridRay {
+        let pick = |lanes: &[[f64; N]; 3]| DVec3::new(lanes[0][i], lanes[1][i], lanes[2][i]);
+        GridRay {
+            origin: pick(&self.origin),
+            direction: pick(&self.direction),
+            t_min: self.t_min[i],
+            t_max: self.t_max[i],
+        }
+    }
+}
