@@ -1,7 +1,8 @@
 //! Rays a second through the voxel DAG: the scalar reference, one ray with SIMD, and packets with every instruction set
 //! of this processor, beside obvhs (CWBVH and BVH2) over the level-0 triangles. Same cameras, same run.
 //!
-//! `cargo bench --bench rays -- [--size 1024] [--runs 5] [--resolution-log2 12] [--no-obvhs] [--views a,b] [SCENE.vxs|MODEL..]`
+//! `cargo bench --bench rays -- [--size 1024] [--runs 5] [--resolution-log2 12] [--no-obvhs] [--views a,b]
+//! [--column TEXT] [SCENE.vxs|MODEL..]`
 //! Without scenes: the sample plant of a million triangles. Every fast answer is compared with the
 //! reference's before anything is timed.
 #![allow(
@@ -37,12 +38,20 @@ struct Options {
     log2: u32,
     rivals: bool,
     views: Option<Vec<String>>,
+    columns: Option<String>,
     scenes: Vec<PathBuf>,
 }
 
 fn options() -> Options {
-    let mut options =
-        Options { size: 1024, runs: 5, log2: 12, rivals: true, views: None, scenes: Vec::new() };
+    let mut options = Options {
+        size: 1024,
+        runs: 5,
+        log2: 12,
+        rivals: true,
+        views: None,
+        columns: None,
+        scenes: Vec::new(),
+    };
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().expect("a value");
@@ -53,6 +62,7 @@ fn options() -> Options {
             "--resolution-log2" => options.log2 = value().parse().unwrap(),
             "--no-obvhs" => options.rivals = false,
             "--views" => options.views = Some(value().split(',').map(str::to_owned).collect()),
+            "--column" => options.columns = Some(value()),
             path => options.scenes.push(path.into()),
         }
     }
@@ -115,6 +125,9 @@ fn run(options: &Options, path: &Path) {
         names.push(format!("{} ({:.0}% hit)", view.name, 100.0 * hits as f64 / rays));
         let mut column = 0;
         let mut time = |name: String, pool: &rayon::ThreadPool, work: &(dyn Fn() -> u64 + Sync)| {
+            if options.columns.as_ref().is_some_and(|wanted| !name.contains(wanted)) {
+                return;
+            }
             let rate = rays / pool.install(|| median_seconds(options.runs, work)) / 1e6;
             if columns.len() == column {
                 columns.push(Column { name, rates: Vec::new() });

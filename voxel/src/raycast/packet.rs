@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16};
 
 use super::ray::{RayLanes, Walks};
-use super::single::{Subtree, cast_alone, cast_brick, cast_subtree, child_corner, true_corner};
+use super::single::{Subtree, cast_alone, cast_brick, cast_subtree, child_corner, child_size, true_corner};
 use super::slabs::{Columns, MARGIN, RaySlabs, TileSlabs, rounded_down, rounded_up};
 use super::{Footprint, GridRay, MAX_STACK, Next, VoxelHit};
 use crate::bits::{SetBits, mirror, mirror_slot};
@@ -168,11 +168,6 @@ impl<'w> Lanes<'w> {
             self.t_min[i] = self.t_min[some];
             self.t_max[i] = self.t_max[some];
         }
-        let least =
-            |lanes: &[f32; PACKET_RAYS]| lanes.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
-        let most = |lanes: &[f32; PACKET_RAYS]| {
-            lanes.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a })
-        };
         for k in 0..3 {
             self.tile.high[k] = most(&self.high[k]);
             self.tile.low[k] = least(&self.low[k]);
@@ -187,11 +182,11 @@ impl<'w> Lanes<'w> {
     /// One ray of the packet, to go on alone.
     #[inline(always)]
     fn slabs(&self, ray: usize) -> RaySlabs {
-        let pick = |lanes: &[[f32; PACKET_RAYS]; 3]| [0, 1, 2].map(|k| lanes[k][ray]);
+        let (high, low, inverse) = (&self.high, &self.low, &self.inverse);
         RaySlabs {
-            high: pick(&self.high),
-            low: pick(&self.low),
-            inverse: pick(&self.inverse),
+            high: [high[0][ray], high[1][ray], high[2][ray]],
+            low: [low[0][ray], low[1][ray], low[2][ray]],
+            inverse: [inverse[0][ray], inverse[1][ray], inverse[2][ray]],
             t_min: self.t_min[ray],
             t_max: self.t_max[ray],
         }
@@ -202,29 +197,71 @@ impl<'w> Lanes<'w> {
     fn crossing<S: Simd, const SURE: bool>(&self, simd: S, rays: u64, corner: [f32; 3], size: f32) -> u64 {
         // Planes moved apart, or together.
         let (near_origin, far_origin) = if SURE { (&self.low, &self.high) } else { (&self.high, &self.low) };
-        let splat = |v: f32| f32x16::splat(simd, v);
         let mut found = 0;
         for group in 0..PACKET_RAYS / LANES {
             let start = group * LANES;
             if rays >> start & 0xffff == 0 {
                 continue;
             }
-            let load = |lanes: &[f32; PACKET_RAYS]| f32x16::from_slice(simd, &lanes[start..start + LANES]);
-            let near = |k: usize| (splat(corner[k]) - load(&near_origin[k])) * load(&self.inverse[k]);
-            let far = |k: usize| (splat(corner[k] + size) - load(&far_origin[k])) * load(&self.inverse[k]);
-            let (mut t_min, mut t_max) = (load(&self.t_min), load(&self.t_max));
+            let (near, far) = (near_origin, far_origin);
+            let high = [corner[0] + size, corner[1] + size, corner[2] + size];
+            let x = slab(simd, &near[0], &far[0], &self.inverse[0], start, corner[0], high[0]);
+            let y = slab(simd, &near[1], &far[1], &self.inverse[1], start, corner[1], high[1]);
+            let z = slab(simd, &near[2], &far[2], &self.inverse[2], start, corner[2], high[2]);
+            let (mut t_min, mut t_max) = (load(simd, &self.t_min, start), load(simd, &self.t_max, start));
             if SURE {
                 const SLACK: f32 = 1.0 / (1 << 20) as f32;
-                t_min = t_min * splat(1.0 + SLACK);
-                t_max = t_max * splat(1.0 - SLACK);
+                t_min = t_min * f32x16::splat(simd, 1.0 + SLACK);
+                t_max = t_max * f32x16::splat(simd, 1.0 - SLACK);
             }
-            let t_in = near(0).max(near(1)).max(near(2).max(t_min));
-            let t_out = far(0).min(far(1)).min(far(2).min(t_max));
+            let t_in = x.0.max(y.0).max(z.0.max(t_min));
+            let t_out = x.1.min(y.1).min(z.1.min(t_max));
             let crossed = if SURE { t_in.simd_lt(t_out) } else { t_in.simd_le(t_out) };
             found |= crossed.to_bitmask() << start;
         }
         found & rays
     }
+}
+
+#[inline(always)]
+fn least(lanes: &[f32; PACKET_RAYS]) -> f32 {
+    let mut least = f32::INFINITY;
+    for &lane in lanes {
+        least = if lane < least { lane } else { least };
+    }
+    least
+}
+
+#[inline(always)]
+fn most(lanes: &[f32; PACKET_RAYS]) -> f32 {
+    let mut most = f32::NEG_INFINITY;
+    for &lane in lanes {
+        most = if lane > most { lane } else { most };
+    }
+    most
+}
+
+/// Entries into and exits from a slab between two planes, for one register of rays.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "lanes of four arrays and two planes")]
+fn slab<S: Simd>(
+    simd: S,
+    near_origin: &[f32; PACKET_RAYS],
+    far_origin: &[f32; PACKET_RAYS],
+    inverse: &[f32; PACKET_RAYS],
+    start: usize,
+    low: f32,
+    high: f32,
+) -> (f32x16<S>, f32x16<S>) {
+    let inverse = load(simd, inverse, start);
+    let near = (f32x16::splat(simd, low) - load(simd, near_origin, start)) * inverse;
+    let far = (f32x16::splat(simd, high) - load(simd, far_origin, start)) * inverse;
+    (near, far)
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, lanes: &[f32; PACKET_RAYS], start: usize) -> f32x16<S> {
+    f32x16::from_slice(simd, &lanes[start..start + LANES])
 }
 
 /// Traces rays of one octant.
@@ -246,14 +283,13 @@ fn trace<S: Simd>(
     nodes[top] = root;
 
     let slot_flip = mirror_slot(flip);
-    let sizes = |height: usize| (1u32 << (2 * height)) as f32;
     let mut alive = rays;
     let mut corners = [[0.0f32; 3]; MAX_STACK];
     let mut left = [0u64; MAX_STACK];
     let mut rays_at = [0u64; MAX_STACK];
     let mut height = top;
     let occupied = mirror(mask_at(dag.words, root), flip);
-    left[top] = occupied & lanes.tile.children(columns, corners[top], sizes(top));
+    left[top] = occupied & lanes.tile.children(columns, corners[top], child_size(top));
     rays_at[top] = alive;
     loop {
         let mut rays = rays_at[height] & alive;
@@ -266,7 +302,7 @@ fn trace<S: Simd>(
         }
         let bit = left[height].trailing_zeros();
         left[height] &= left[height] - 1;
-        let size = sizes(height);
+        let size = child_size(height);
         let corner = child_corner(corners[height], bit, size);
         if height as u32 <= RAY_TEST_HEIGHT {
             rays = lanes.crossing::<S, false>(simd, rays, corner, size);
@@ -298,7 +334,7 @@ fn trace<S: Simd>(
             nodes[height] = child;
             corners[height] = corner;
             let occupied = mirror(mask_at(dag.words, child), flip);
-            left[height] = occupied & lanes.tile.children(columns, corner, sizes(height));
+            left[height] = occupied & lanes.tile.children(columns, corner, child_size(height));
             rays_at[height] = rays;
         }
     }

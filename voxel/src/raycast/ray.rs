@@ -132,7 +132,7 @@ impl Walk {
     /// Axes along which it runs towards smaller coordinates: x, y, z = 1, 2, 4.
     #[inline(always)]
     pub fn flip(&self) -> u32 {
-        (0..3).fold(0, |flip, k| flip | u32::from(!self.rises(k)) << k)
+        u32::from(!self.rises(0)) | u32::from(!self.rises(1)) << 1 | u32::from(!self.rises(2)) << 2
     }
 
     /// Where the ray enters the cell of `size` voxels with this low corner, `None` when it does not cross it: the rule
@@ -140,8 +140,8 @@ impl Walk {
     #[inline(always)]
     pub fn crosses(&self, low: [i32; 3], size: i32) -> Option<f64> {
         let (mut t_in, mut t_out) = (0.0f64, f64::INFINITY);
-        for (k, &low) in low.iter().enumerate() {
-            let (a, b) = (self.at(k, low), self.at(k, low + size));
+        for k in 0..3 {
+            let (a, b) = (self.at(k, low[k]), self.at(k, low[k] + size));
             let (near, far) = if self.rises(k) { (a, b) } else { (b, a) };
             t_in = if near > t_in { near } else { t_in };
             t_out = if far < t_out { far } else { t_out };
@@ -235,7 +235,8 @@ impl<const N: usize> Walks<N> {
     /// [`Walk::flip`] of one of them.
     #[inline(always)]
     pub fn flip(&self, i: usize) -> u32 {
-        (0..3).fold(0, |flip, k| flip | u32::from(self.inverse[k][i] < 0.0) << k)
+        let falls = |k: usize| u32::from(self.inverse[k][i] < 0.0) << k;
+        falls(0) | falls(1) | falls(2)
     }
 
     /// One of them.

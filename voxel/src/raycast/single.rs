@@ -47,20 +47,33 @@ pub(super) struct Subtree {
     pub corner: [f32; 3],
 }
 
+/// Side of the children of a node, voxels.
+#[inline(always)]
+pub(super) fn child_size(height: usize) -> f32 {
+    (1i32 << (2 * height)) as f32
+}
+
 /// Low corner of child `bit` (mirrored) of `size` voxels.
 #[inline(always)]
 pub(super) fn child_corner(corner: [f32; 3], bit: u32, size: f32) -> [f32; 3] {
-    let digits = [bit & 3, bit >> 2 & 3, bit >> 4];
-    [0, 1, 2].map(|k| digits[k] as f32 * size + corner[k])
+    // Not `map`, here and elsewhere: what is not inlined for certain is compiled without the instructions asked for.
+    [
+        (bit & 3) as i32 as f32 * size + corner[0],
+        (bit >> 2 & 3) as i32 as f32 * size + corner[1],
+        (bit >> 4) as i32 as f32 * size + corner[2],
+    ]
 }
 
 /// Low corner in voxels of a cell of `size` voxels at a mirrored corner.
 #[inline(always)]
 pub(super) fn true_corner(dag: &DagRef, corner: [f32; 3], size: i32, flip: u32) -> [i32; 3] {
-    [0, 1, 2].map(|k| {
+    let mut low = [0; 3];
+    for k in 0..3 {
+        // In range, so that the plain conversion is exact.
         let c = corner[k] as i32;
-        if flip >> k & 1 != 0 { dag.tree_side() - size - c } else { c }
-    })
+        low[k] = if flip >> k & 1 != 0 { dag.tree_side() - size - c } else { c };
+    }
+    low
 }
 
 #[allow(clippy::too_many_arguments, reason = "the state of one traversal, all of it")]
@@ -78,13 +91,12 @@ pub(super) fn cast_subtree<S: Simd>(
 ) -> bool {
     let flip = walk.flip();
     let slot_flip = mirror_slot(flip);
-    let sizes = |height: u32| (1u32 << (2 * height)) as f32;
     let mut corners = [[0.0f32; 3]; MAX_STACK];
     let mut left = [0u64; MAX_STACK];
     let mut height = subtree.height as usize;
     corners[height] = subtree.corner;
     let occupied = mirror(mask_at(dag.words, nodes[height]), flip);
-    left[height] = occupied & slabs.children(columns, subtree.corner, sizes(subtree.height));
+    left[height] = occupied & slabs.children(columns, subtree.corner, child_size(height));
     loop {
         while left[height] == 0 {
             if height == subtree.height as usize {
@@ -97,13 +109,13 @@ pub(super) fn cast_subtree<S: Simd>(
         let node = nodes[height];
         let mask = mask_at(dag.words, node);
         let child = dag.words[child_word(mask, node, bit ^ slot_flip)];
-        let corner = child_corner(corners[height], bit, sizes(height as u32));
+        let corner = child_corner(corners[height], bit, child_size(height));
         if height > 1 {
             height -= 1;
             nodes[height] = child;
             corners[height] = corner;
             let occupied = mirror(mask_at(dag.words, child), flip);
-            left[height] = occupied & slabs.children(columns, corner, sizes(height as u32));
+            left[height] = occupied & slabs.children(columns, corner, child_size(height));
         } else {
             let leaf = mirror(dag.leaves[child as usize], flip);
             if !cast_brick(columns, dag, walk, slabs, nodes, corner, leaf, footprint, visit) {

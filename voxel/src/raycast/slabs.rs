@@ -70,35 +70,37 @@ impl RaySlabs {
     #[inline(always)]
     pub fn new(walk: &Walk, tree_side: f64) -> Self {
         let margin = MARGIN * tree_side;
-        let origin = [0, 1, 2].map(|k| if walk.rises(k) { walk.base[k] } else { tree_side - walk.base[k] });
-        RaySlabs {
-            high: origin.map(|o| (o + margin) as f32),
-            low: origin.map(|o| (o - margin) as f32),
-            inverse: walk.inverse.map(|i| i.abs() as f32),
-            t_min: 0.0,
-            t_max: rounded_up(walk.t_end),
+        let mut slabs = RaySlabs { t_max: rounded_up(walk.t_end), ..Default::default() };
+        for k in 0..3 {
+            let origin = if walk.rises(k) { walk.base[k] } else { tree_side - walk.base[k] };
+            slabs.high[k] = (origin + margin) as f32;
+            slabs.low[k] = (origin - margin) as f32;
+            slabs.inverse[k] = walk.inverse[k].abs() as f32;
         }
+        slabs
     }
 
     /// The children of `size` voxels, of the node at `corner`, that the ray may cross.
     #[inline(always)]
     pub fn children<S: Simd>(&self, columns: Columns<S>, corner: [f32; 3], size: f32) -> u64 {
         let simd = columns.witness();
-        let splat = |v: f32| f32x16::splat(simd, v);
-        let line = |pattern: f32x16<S>, k: usize, start: f32| {
-            pattern.mul_add(splat(size * self.inverse[k]), splat(start))
-        };
-        let near = |k: usize| (corner[k] - self.high[k]) * self.inverse[k];
-        let far = |k: usize| (corner[k] + size - self.low[k]) * self.inverse[k];
-        let (near_y, far_y) = (near(1), far(1));
         crossed(
-            Axis { near: line(columns.fast, 0, near(0)), far: line(columns.fast, 0, far(0)) },
-            Axis { near: line(columns.slow, 1, near_y), far: line(columns.slow, 1, far_y) },
-            Axis { near: line(columns.fast, 1, near_y), far: line(columns.fast, 1, far_y) },
-            Axis { near: line(columns.slow, 2, near(2)), far: line(columns.slow, 2, far(2)) },
-            splat(self.t_min),
-            splat(self.t_max),
+            self.axis(columns.fast, 0, corner[0], size),
+            self.axis(columns.slow, 1, corner[1], size),
+            self.axis(columns.fast, 1, corner[1], size),
+            self.axis(columns.slow, 2, corner[2], size),
+            f32x16::splat(simd, self.t_min),
+            f32x16::splat(simd, self.t_max),
         )
+    }
+
+    #[inline(always)]
+    fn axis<S: Simd>(&self, pattern: f32x16<S>, k: usize, corner: f32, size: f32) -> Axis<S> {
+        let simd = pattern.token();
+        let step = f32x16::splat(simd, size * self.inverse[k]);
+        let near = f32x16::splat(simd, (corner - self.high[k]) * self.inverse[k]);
+        let far = f32x16::splat(simd, (corner + size - self.low[k]) * self.inverse[k]);
+        Axis { near: pattern.mul_add(step, near), far: pattern.mul_add(step, far) }
     }
 }
 
@@ -120,25 +122,25 @@ impl TileSlabs {
     #[inline(always)]
     pub fn children<S: Simd>(&self, columns: Columns<S>, corner: [f32; 3], size: f32) -> u64 {
         let simd = columns.witness();
-        let splat = |v: f32| f32x16::splat(simd, v);
-        let axis = |pattern: f32x16<S>, k: usize| {
-            let (least, greatest) = (splat(self.least_inverse[k]), splat(self.greatest_inverse[k]));
-            let step = splat(size);
-            let to_near = pattern.mul_add(step, splat(corner[k] - self.high[k]));
-            let to_far = pattern.mul_add(step, splat(corner[k] + size - self.low[k]));
-            Axis {
-                near: (to_near * least).min(to_near * greatest),
-                far: (to_far * least).max(to_far * greatest),
-            }
-        };
         crossed(
-            axis(columns.fast, 0),
-            axis(columns.slow, 1),
-            axis(columns.fast, 1),
-            axis(columns.slow, 2),
-            splat(self.t_min),
-            splat(self.t_max),
+            self.axis(columns.fast, 0, corner[0], size),
+            self.axis(columns.slow, 1, corner[1], size),
+            self.axis(columns.fast, 1, corner[1], size),
+            self.axis(columns.slow, 2, corner[2], size),
+            f32x16::splat(simd, self.t_min),
+            f32x16::splat(simd, self.t_max),
         )
+    }
+
+    #[inline(always)]
+    fn axis<S: Simd>(&self, pattern: f32x16<S>, k: usize, corner: f32, size: f32) -> Axis<S> {
+        let simd = pattern.token();
+        let least = f32x16::splat(simd, self.least_inverse[k]);
+        let greatest = f32x16::splat(simd, self.greatest_inverse[k]);
+        let step = f32x16::splat(simd, size);
+        let to_near = pattern.mul_add(step, f32x16::splat(simd, corner - self.high[k]));
+        let to_far = pattern.mul_add(step, f32x16::splat(simd, corner + size - self.low[k]));
+        Axis { near: (to_near * least).min(to_near * greatest), far: (to_far * least).max(to_far * greatest) }
     }
 }
 
@@ -164,11 +166,14 @@ fn crossed<S: Simd>(
     let y_near = y_slow.near.max(t_min);
     let x_far = x_fast.far.min(t_max);
     let y_far = y_slow.far.min(t_max);
-    let both = |a: f32x16<S>, b: f32x16<S>, c: f32x16<S>, d: f32x16<S>| {
-        (a.simd_le(b).to_bitmask() & c.simd_le(d).to_bitmask()) as u16
-    };
     let xy = both(x_near, y_far, y_near, x_far);
     let xz = both(x_near, z_slow.far, z_slow.near, x_far);
     let yz = both(y_fast.near, z_slow.far, z_slow.near, y_fast.far);
     spread_xy(xy) & spread_xz(xz) & spread_yz(yz)
+}
+
+/// Lanes where a <= b and c <= d.
+#[inline(always)]
+fn both<S: Simd>(a: f32x16<S>, b: f32x16<S>, c: f32x16<S>, d: f32x16<S>) -> u16 {
+    (a.simd_le(b).to_bitmask() & c.simd_le(d).to_bitmask()) as u16
 }
