@@ -90,7 +90,7 @@ fn all_paths_meet_what_the_reference_meets() {
                 let mut packet = RayPacket::default();
                 assert_eq!(packet.fill(packet_rays.iter().copied()), packet_rays.len());
                 let mut met = vec![Vec::new(); packet_rays.len()];
-                caster.cast_packet(&packet, |ray, hit| {
+                caster.cast_packet(&mut packet, |ray, hit| {
                     met[ray].push((
                         hit.voxel,
                         hit.whole_brick,

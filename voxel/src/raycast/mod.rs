@@ -23,6 +23,7 @@
 //! The SIMD paths discard with f32 tests that are widened by a bound of their error, and decide in f64 by the rule above wherever f32
 //! leaves a doubt. So every path gives the same voxels as the reference, in the same order, on every processor.
 
+mod lanes;
 mod packet;
 mod ray;
 mod reference;
@@ -34,7 +35,7 @@ pub use ray::GridRay;
 
 use fearless_simd::{Level, Simd};
 
-use ray::Walk;
+use ray::WalkRef;
 
 use crate::dag::DagRef;
 use crate::dag::node::{child_word, mask_at, slot};
@@ -83,7 +84,7 @@ pub struct VoxelHit<'t> {
     pub voxel: [i32; 3],
     /// The ray's [`Footprint`] is wider than this brick, which stands for its voxels.
     pub whole_brick: bool,
-    walk: &'t Walk,
+    walk: WalkRef<'t>,
     dag: &'t DagRef<'t>,
     /// Node of each height on the way down, index 0 unused.
     nodes: &'t [u32; MAX_STACK],
@@ -93,7 +94,8 @@ impl VoxelHit<'_> {
     /// Where the ray enters it, in the ray's own parameter; not below the ray's start.
     pub fn t(&self) -> f64 {
         let size = if self.whole_brick { 4 } else { 1 };
-        self.walk.ray_t(self.walk.entry(self.voxel, size))
+        let walk = self.walk.get();
+        walk.ray_t(walk.entry(self.voxel, size))
     }
 
     /// Bit of the voxel in its brick.
@@ -113,6 +115,28 @@ impl VoxelHit<'_> {
     }
 }
 
+/// Runs code that is generic over [`Simd`] with the instructions asked for; with less where the processor has less.
+macro_rules! with_simd {
+    ($instructions:expr, $simd:ident => $op:expr) => {{
+        let level = Level::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        let (avx512, avx2) = (level.as_avx512(), level.as_avx2());
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        let (avx512, avx2): (Option<fearless_simd::Fallback>, Option<fearless_simd::Fallback>) = (None, None);
+        match ($instructions, avx512, avx2) {
+            (Instructions::Avx512, Some($simd), _) => $simd.vectorize(
+                #[inline(always)]
+                || $op,
+            ),
+            (Instructions::Avx512 | Instructions::Avx2, _, Some($simd)) => $simd.vectorize(
+                #[inline(always)]
+                || $op,
+            ),
+            _ => fearless_simd::dispatch!(Level::baseline(), $simd => $op),
+        }
+    }};
+}
+
 impl DagRef<'_> {
     /// Calls `visit` for the occupied voxels that the ray crosses, nearest first, until it says
     /// [`Next::End`] or the ray ends. The scalar reference: [`RayCaster`] gives the same, faster.
@@ -127,9 +151,13 @@ impl DagRef<'_> {
         footprint: Footprint,
         mut visit: impl FnMut(&VoxelHit) -> Next,
     ) {
-        if let Some(walk) = ray.enter(f64::from(1 << self.log2)) {
-            reference::cast(self, &walk, footprint, &mut visit);
-        }
+        // Scalar code, but bits are counted in one instruction where the processor can.
+        with_simd!(Instructions::best(), simd => {
+            let _ = simd;
+            if let Some(walk) = ray.enter(f64::from(1 << self.log2)) {
+                reference::cast(self, &walk, footprint, &mut visit);
+            }
+        });
     }
 
     /// The first occupied voxel that the ray crosses, and where it enters it.
@@ -178,28 +206,6 @@ impl Instructions {
     }
 }
 
-/// Runs code that is generic over [`Simd`] with the instructions asked for; with less where the processor has less.
-macro_rules! with_simd {
-    ($instructions:expr, $simd:ident => $op:expr) => {{
-        let level = Level::new();
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        let (avx512, avx2) = (level.as_avx512(), level.as_avx2());
-        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
-        let (avx512, avx2): (Option<fearless_simd::Fallback>, Option<fearless_simd::Fallback>) = (None, None);
-        match ($instructions, avx512, avx2) {
-            (Instructions::Avx512, Some($simd), _) => $simd.vectorize(
-                #[inline(always)]
-                || $op,
-            ),
-            (Instructions::Avx512 | Instructions::Avx2, _, Some($simd)) => $simd.vectorize(
-                #[inline(always)]
-                || $op,
-            ),
-            _ => fearless_simd::dispatch!(Level::baseline(), $simd => $op),
-        }
-    }};
-}
-
 /// Casts rays through a DAG with SIMD: the same voxels as [`DagRef::cast`].
 #[derive(Clone, Copy, Debug)]
 pub struct RayCaster<'a> {
@@ -234,7 +240,7 @@ impl<'a> RayCaster<'a> {
     /// [`RayCaster::cast`] for each ray of a packet; `visit` also gets the ray's number. Rays of a packet should be
     /// neighbours: what they do not share costs time, never an answer. Hits of one ray come nearest first, those of
     /// different rays in any order.
-    pub fn cast_packet(&self, packet: &RayPacket, mut visit: impl FnMut(usize, &VoxelHit) -> Next) {
+    pub fn cast_packet(&self, packet: &mut RayPacket, mut visit: impl FnMut(usize, &VoxelHit) -> Next) {
         let Self { dag, footprint, .. } = self;
         with_simd!(self.instructions, simd => packet::cast(simd, dag, packet, *footprint, &mut visit));
     }

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::PACKET_RAYS;
+
 /// Direction components below this fraction of the largest are taken as 0: over the largest grid they move the ray by
 /// less than 2^-40 voxel.
 const NEGLIGIBLE: f64 = 1.0 / (1u64 << 60) as f64;
@@ -196,7 +198,24 @@ impl Walk {
     }
 }
 
+/// A walk, alone or among others.
+#[derive(Clone, Copy)]
+pub(super) enum WalkRef<'t> {
+    One(&'t Walk),
+    Lane(&'t Walks<PACKET_RAYS>, usize),
+}
+
+impl WalkRef<'_> {
+    pub fn get(self) -> Walk {
+        match self {
+            WalkRef::One(walk) => *walk,
+            WalkRef::Lane(walks, ray) => walks.get(ray),
+        }
+    }
+}
+
 /// Many [`Walk`]s, lane by lane.
+#[derive(Clone, Debug)]
 pub(super) struct Walks<const N: usize> {
     pub base: [[f64; N]; 3],
     pub direction: [[f64; N]; 3],
@@ -207,17 +226,23 @@ pub(super) struct Walks<const N: usize> {
 }
 
 impl<const N: usize> Walks<N> {
-    /// What [`Walk::new`] gives, in loops that become SIMD code.
+    /// Nothing yet.
+    pub fn new() -> Self {
+        let empty = [[0.0; N]; 3];
+        Walks {
+            base: empty,
+            direction: empty,
+            inverse: empty,
+            t_end: empty[0],
+            t_base: empty[0],
+            scale: empty[0],
+        }
+    }
+
+    /// What [`Walk::new`] gives, in a loop that becomes SIMD code.
     #[inline(always)]
-    pub fn new(rays: &RayLanes<N>, side: f64) -> Self {
-        let mut walks = Walks {
-            base: [[0.0; N]; 3],
-            direction: [[0.0; N]; 3],
-            inverse: [[0.0; N]; 3],
-            t_end: [0.0; N],
-            t_base: [0.0; N],
-            scale: [0.0; N],
-        };
+    pub fn enter(&mut self, rays: &RayLanes<N>, side: f64) {
+        let walks = self;
         for i in 0..N {
             let walk = Walk::new(&rays.get(i), side);
             for k in 0..3 {
@@ -229,14 +254,6 @@ impl<const N: usize> Walks<N> {
             walks.t_base[i] = walk.t_base;
             walks.scale[i] = walk.scale;
         }
-        walks
-    }
-
-    /// [`Walk::flip`] of one of them.
-    #[inline(always)]
-    pub fn flip(&self, i: usize) -> u32 {
-        let falls = |k: usize| u32::from(self.inverse[k][i] < 0.0) << k;
-        falls(0) | falls(1) | falls(2)
     }
 
     /// One of them.

@@ -1,6 +1,6 @@
 //! The scalar reference: from cell to cell, one ray at a time, all in integers and f64.
 
-use super::ray::Walk;
+use super::ray::{Walk, WalkRef};
 use super::{Footprint, MAX_STACK, Next, VoxelHit};
 use crate::dag::DagRef;
 use crate::dag::node::{child_word, mask_at, slot};
@@ -14,8 +14,9 @@ pub(super) fn cast(
     visit: &mut impl FnMut(&VoxelHit) -> Next,
 ) {
     let Some(root) = dag.root else { return };
-    let last = (1 << dag.log2) - 1;
-    let outside = |voxel: [i32; 3]| voxel.iter().any(|&c| c < 0 || c > last);
+    let last = (1u32 << dag.log2) - 1;
+    // A negative coordinate has high bits too.
+    let outside = |v: [i32; 3]| ((v[0] | v[1] | v[2]) as u32) > last;
     let top = dag.height;
 
     let mut voxel = walk.start();
@@ -55,7 +56,7 @@ pub(super) fn cast(
         };
         if occupied {
             let voxel = if accepted { voxel.map(|c| c & !3) } else { voxel };
-            let hit = VoxelHit { voxel, whole_brick: accepted, walk, dag, nodes: &nodes };
+            let hit = VoxelHit { voxel, whole_brick: accepted, walk: WalkRef::One(walk), dag, nodes: &nodes };
             match visit(&hit) {
                 Next::Voxel if !accepted => {}
                 // As if the brick were an empty cell of the node above.
@@ -66,8 +67,11 @@ pub(super) fn cast(
 
         // Across the nearest plane of the cell, and every other that the ray meets at the same t.
         let size = 1 << (2 * height);
-        let low = voxel.map(|c| c & !(size - 1));
-        let exits = [0, 1, 2].map(|k| walk.at(k, if walk.rises(k) { low[k] + size } else { low[k] }));
+        let low = [voxel[0] & -size, voxel[1] & -size, voxel[2] & -size];
+        let mut exits = [0.0; 3];
+        for k in 0..3 {
+            exits[k] = walk.at(k, if walk.rises(k) { low[k] + size } else { low[k] });
+        }
         t = if exits[0] < exits[1] { exits[0] } else { exits[1] };
         t = if exits[2] < t { exits[2] } else { t };
         if t > walk.t_end {
@@ -87,7 +91,7 @@ pub(super) fn cast(
             return;
         }
         // Up to the node that holds both.
-        let differ = (0..3).fold(0, |bits, k| bits | (before[k] ^ voxel[k]));
+        let differ = (before[0] ^ voxel[0]) | (before[1] ^ voxel[1]) | (before[2] ^ voxel[2]);
         height = height.max((31 - (differ as u32).leading_zeros()) / 2);
     }
 }

@@ -2,7 +2,7 @@
 
 use fearless_simd::Simd;
 
-use super::ray::Walk;
+use super::ray::{Walk, WalkRef};
 use super::slabs::{Columns, RaySlabs};
 use super::{Footprint, GridRay, MAX_STACK, Next, VoxelHit};
 use crate::bits::{mirror, mirror_slot};
@@ -36,16 +36,29 @@ pub(super) fn cast_alone<S: Simd>(
     visit: &mut impl FnMut(&VoxelHit) -> Next,
 ) {
     let slabs = RaySlabs::new(walk, f64::from(dag.tree_side()));
-    let subtree = Subtree { height: dag.height, corner: [0.0; 3] };
+    let subtree = Subtree { height: dag.height as usize, corner: [0.0; 3], candidates: u64::MAX };
     cast_subtree(columns, dag, walk, &slabs, nodes, subtree, footprint, visit);
 }
 
 /// A node and where it lies: low corner in mirrored coordinates.
 #[derive(Clone, Copy)]
 pub(super) struct Subtree {
-    pub height: u32,
+    pub height: usize,
     pub corner: [f32; 3],
+    /// The children to look at, mirrored.
+    pub candidates: u64,
 }
+
+/// Position of each child in its node.
+const DIGITS: [[f32; 4]; 64] = {
+    let mut digits = [[0.0; 4]; 64];
+    let mut bit = 0;
+    while bit < 64 {
+        digits[bit] = [(bit & 3) as f32, (bit >> 2 & 3) as f32, (bit >> 4) as f32, 0.0];
+        bit += 1;
+    }
+    digits
+};
 
 /// Side of the children of a node, voxels.
 #[inline(always)]
@@ -57,11 +70,8 @@ pub(super) fn child_size(height: usize) -> f32 {
 #[inline(always)]
 pub(super) fn child_corner(corner: [f32; 3], bit: u32, size: f32) -> [f32; 3] {
     // Not `map`, here and elsewhere: what is not inlined for certain is compiled without the instructions asked for.
-    [
-        (bit & 3) as i32 as f32 * size + corner[0],
-        (bit >> 2 & 3) as i32 as f32 * size + corner[1],
-        (bit >> 4) as i32 as f32 * size + corner[2],
-    ]
+    let digits = &DIGITS[bit as usize & 63];
+    [digits[0] * size + corner[0], digits[1] * size + corner[1], digits[2] * size + corner[2]]
 }
 
 /// Low corner in voxels of a cell of `size` voxels at a mirrored corner.
@@ -93,13 +103,14 @@ pub(super) fn cast_subtree<S: Simd>(
     let slot_flip = mirror_slot(flip);
     let mut corners = [[0.0f32; 3]; MAX_STACK];
     let mut left = [0u64; MAX_STACK];
-    let mut height = subtree.height as usize;
+    let mut height = subtree.height;
     corners[height] = subtree.corner;
     let occupied = mirror(mask_at(dag.words, nodes[height]), flip);
-    left[height] = occupied & slabs.children(columns, subtree.corner, child_size(height));
+    left[height] =
+        subtree.candidates & occupied & slabs.children(columns, subtree.corner, child_size(height));
     loop {
         while left[height] == 0 {
-            if height == subtree.height as usize {
+            if height == subtree.height {
                 return true;
             }
             height += 1;
@@ -144,7 +155,8 @@ pub(super) fn cast_brick<S: Simd>(
         let voxel = true_corner(dag, corner, 4, flip);
         let Some(t) = walk.crosses(voxel, 4) else { return true };
         if footprint.covers_brick(walk.ray_t(t)) {
-            return visit(&VoxelHit { voxel, whole_brick: true, walk, dag, nodes }) != Next::End;
+            return visit(&VoxelHit { voxel, whole_brick: true, walk: WalkRef::One(walk), dag, nodes })
+                != Next::End;
         }
     }
     let mut left = leaf & slabs.children(columns, corner, 1.0);
@@ -153,7 +165,7 @@ pub(super) fn cast_brick<S: Simd>(
         left &= left - 1;
         let voxel = true_corner(dag, child_corner(corner, bit, 1.0), 1, flip);
         if walk.crosses(voxel, 1).is_some() {
-            let hit = VoxelHit { voxel, whole_brick: false, walk, dag, nodes };
+            let hit = VoxelHit { voxel, whole_brick: false, walk: WalkRef::One(walk), dag, nodes };
             match visit(&hit) {
                 Next::Voxel => {}
                 Next::Brick => return true,

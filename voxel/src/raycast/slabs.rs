@@ -6,9 +6,10 @@
 //!
 //! # Error bound
 //!
-//! Origins lie within -T ..= 2T of a tree of T voxels a side. With u = 2^-24: rounding the origin costs at most 2T u,
-//! the difference to a plane 3T u, the reciprocal, the product and the steps to the other planes 3T u each at most: less
-//! than 16T u = 2^-20 T voxels in all. So planes moved by that much ([`MARGIN`]) give a test that never misses (moved
+//! Origins lie within -T ..= 2T of a tree of T voxels a side. With u = 2^-24 and everything in voxels (t times the
+//! direction): rounding the origin costs at most 2T u, its product with the reciprocal 2T u, the reciprocal itself and
+//! its product with the plane T u each, their sum 3T u, the steps to the node's other planes 4T u: less than 16T u =
+//! 2^-20 T voxels in all. So planes moved by that much ([`MARGIN`]) give a test that never misses (moved
 //! apart) or one that is never wrong (moved together).
 
 use fearless_simd::prelude::*;
@@ -54,14 +55,14 @@ impl<S: Simd> Columns<S> {
     }
 }
 
-/// A ray in mirrored f32 coordinates, its planes moved apart.
+/// A ray in mirrored f32 coordinates: it meets the plane at c at `c * inverse + shift`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RaySlabs {
-    /// Origin moved up: gives entries that are never too late.
-    pub high: [f32; 3],
-    /// Origin moved down: gives exits that are never too early.
-    pub low: [f32; 3],
     pub inverse: [f32; 3],
+    /// Shift of planes moved towards the ray's start: entries that are never too late.
+    pub early: [f32; 3],
+    /// Shift of planes moved away from it: exits that are never too early.
+    pub late: [f32; 3],
     pub t_min: f32,
     pub t_max: f32,
 }
@@ -73,9 +74,10 @@ impl RaySlabs {
         let mut slabs = RaySlabs { t_max: rounded_up(walk.t_end), ..Default::default() };
         for k in 0..3 {
             let origin = if walk.rises(k) { walk.base[k] } else { tree_side - walk.base[k] };
-            slabs.high[k] = (origin + margin) as f32;
-            slabs.low[k] = (origin - margin) as f32;
-            slabs.inverse[k] = walk.inverse[k].abs() as f32;
+            let inverse = walk.inverse[k].abs();
+            slabs.inverse[k] = inverse as f32;
+            slabs.early[k] = (-(origin + margin) * inverse) as f32;
+            slabs.late[k] = (-(origin - margin) * inverse) as f32;
         }
         slabs
     }
@@ -98,8 +100,8 @@ impl RaySlabs {
     fn axis<S: Simd>(&self, pattern: f32x16<S>, k: usize, corner: f32, size: f32) -> Axis<S> {
         let simd = pattern.token();
         let step = f32x16::splat(simd, size * self.inverse[k]);
-        let near = f32x16::splat(simd, (corner - self.high[k]) * self.inverse[k]);
-        let far = f32x16::splat(simd, (corner + size - self.low[k]) * self.inverse[k]);
+        let near = f32x16::splat(simd, corner * self.inverse[k] + self.early[k]);
+        let far = f32x16::splat(simd, (corner + size) * self.inverse[k] + self.late[k]);
         Axis { near: pattern.mul_add(step, near), far: pattern.mul_add(step, far) }
     }
 }
