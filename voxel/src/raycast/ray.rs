@@ -274,10 +274,10 @@ impl<const N: usize> Walks<N> {
 /// Rays of grid space, lane by lane.
 #[derive(Clone, Debug)]
 pub(super) struct RayLanes<const N: usize> {
-    origin: [[f64; N]; 3],
-    direction: [[f64; N]; 3],
-    t_min: [f64; N],
-    t_max: [f64; N],
+    pub origin: [[f64; N]; 3],
+    pub direction: [[f64; N]; 3],
+    pub t_min: [f64; N],
+    pub t_max: [f64; N],
 }
 
 impl<const N: usize> RayLanes<N> {
