@@ -36,7 +36,13 @@ fn levels() -> Vec<Level> {
     levels
 }
 
-fn bricks(level: Level, v: SnappedTriangle, cell: [i32; 3], shift: u32, seed: &str) -> BTreeMap<[i32; 3], u64> {
+fn bricks(
+    level: Level,
+    v: SnappedTriangle,
+    cell: [i32; 3],
+    shift: u32,
+    seed: &str,
+) -> BTreeMap<[i32; 3], u64> {
     let mut bricks = BTreeMap::new();
     for_each_brick_of(level, [v], cell, shift, SIDE, &mut |brick, mask| {
         assert!(mask != 0, "{seed}: {v:?} {brick:?} is empty");
@@ -91,7 +97,10 @@ fn single_cells_of_any_size_agree_with_thirteen_axes_in_i128() {
                 let corner = brick.map(|c| c >> shift << shift);
                 let expected = exact::snapped_touches_cell(snapped, corner, shift);
                 let found = overlap.touches_cell(corner, shift);
-                assert_eq!(found, expected, "{class:?}, seed {seed}, round {round}: {snapped:?} {corner:?} {shift}");
+                assert_eq!(
+                    found, expected,
+                    "{class:?}, seed {seed}, round {round}: {snapped:?} {corner:?} {shift}"
+                );
                 let (first, last) = overlap.cell_range(shift);
                 let inside = (0..3).all(|k| (first[k]..=last[k]).contains(&(corner[k] >> shift)));
                 assert!(inside || !expected, "{class:?}, seed {seed}, round {round}: outside the cell range");
@@ -101,7 +110,12 @@ fn single_cells_of_any_size_agree_with_thirteen_axes_in_i128() {
 }
 
 /// All bricks of a cell through single voxels, narrowed down by single cells.
-fn bricks_one_by_one(overlap: &TriangleOverlap, corner: [i32; 3], shift: u32, found: &mut BTreeMap<[i32; 3], u64>) {
+fn bricks_one_by_one(
+    overlap: &TriangleOverlap,
+    corner: [i32; 3],
+    shift: u32,
+    found: &mut BTreeMap<[i32; 3], u64>,
+) {
     if !overlap.touches_cell(corner, shift) || corner.iter().any(|&c| c >= SIDE) {
         return;
     }
@@ -128,7 +142,8 @@ fn every_brick_of_a_cell_comes_once_on_every_simd_level() {
             let near = exact::brick_near(&mut random, exact);
             // Whole grids hold what is small; of what is large, cells of up to 64 voxels.
             let (min, max) = (snapped.map(|p| p.map(|c| c >> 8)), 48);
-            let extent = (0..3).map(|k| (min[0][k] - min[1][k]).abs().max((min[0][k] - min[2][k]).abs())).max();
+            let extent =
+                (0..3).map(|k| (min[0][k] - min[1][k]).abs().max((min[0][k] - min[2][k]).abs())).max();
             let shifts: &[u32] = if extent <= Some(max) { &[2, 4, 8, 18] } else { &[2, 4, 6] };
             for &shift in shifts {
                 let cell = near.map(|c| c >> shift << shift);
@@ -136,7 +151,9 @@ fn every_brick_of_a_cell_comes_once_on_every_simd_level() {
                 bricks_one_by_one(&TriangleOverlap::new(snapped), cell, shift, &mut expected);
                 count += expected.len();
                 for level in levels() {
-                    let at = format!("{class:?}, seed {seed}, round {round}, {level:?}, cell {cell:?} of 2^{shift}");
+                    let at = format!(
+                        "{class:?}, seed {seed}, round {round}, {level:?}, cell {cell:?} of 2^{shift}"
+                    );
                     assert_eq!(bricks(level, snapped, cell, shift, &at), expected, "{at}: {snapped:?}");
                 }
             }
@@ -152,9 +169,8 @@ fn triangles_in_a_block_come_whole_whatever_their_size() {
         let mut random = Rand64::new(seed);
         let centre = [0.0; 3].map(|_: f64| 300.0 * 256.0 + 128.0);
         for round in 0..(200.0 / reach) as u32 + 6 {
-            let mut point = || {
-                centre.map(|c| ((c + (2.0 * random.rand_float() - 1.0) * reach) * UNIT as f64) as i64)
-            };
+            let mut point =
+                || centre.map(|c| ((c + (2.0 * random.rand_float() - 1.0) * reach) * UNIT as f64) as i64);
             let mut exact = [point(), point(), point()];
             // Every third lies flat.
             if round % 3 == 0 {
@@ -162,7 +178,7 @@ fn triangles_in_a_block_come_whole_whatever_their_size() {
                 exact.iter_mut().for_each(|p| p[2] = z);
             }
             let snapped = snap(exact);
-                let mut expected = BTreeMap::new();
+            let mut expected = BTreeMap::new();
             bricks_one_by_one(&TriangleOverlap::new(snapped), [300 * 256; 3], 8, &mut expected);
             for level in levels() {
                 let at = format!("seed {seed}, round {round}, {level:?}");
@@ -175,8 +191,7 @@ fn triangles_in_a_block_come_whole_whatever_their_size() {
 /// Clips the triangle by the six faces of the box in exact rationals (homogeneous integers in lowest terms): what is left
 /// is what they share.
 fn shares_a_point_by_clipping(v: ExactTriangle, low: [i64; 3], high: [i64; 3]) -> bool {
-    let mut polygon: Vec<[i128; 4]> =
-        v.iter().map(|p| [p[0].into(), p[1].into(), p[2].into(), 1]).collect();
+    let mut polygon: Vec<[i128; 4]> = v.iter().map(|p| [p[0].into(), p[1].into(), p[2].into(), 1]).collect();
     for k in 0..3 {
         for (sign, at) in [(1, low[k]), (-1, high[k])] {
             let inside = |p: &[i128; 4]| sign * (p[k] - i128::from(at) * p[3]);
@@ -217,7 +232,11 @@ fn the_exact_oracle_agrees_with_clipping_in_rationals() {
         let high = low.map(|c| c + 1 + random.rand_range(0..4) as i64);
         let expected = shares_a_point_by_clipping(v, low, high);
         touched += u32::from(expected);
-        assert_eq!(exact::exact_overlaps_box(v, low, high), expected, "seed 23, round {round}: {v:?} {low:?}");
+        assert_eq!(
+            exact::exact_overlaps_box(v, low, high),
+            expected,
+            "seed 23, round {round}: {v:?} {low:?}"
+        );
         let snapped = v.map(|p| p.map(|c| c as i32));
         let found = exact::snapped_overlaps_box(snapped, low, high);
         assert_eq!(found, expected, "seed 23, round {round}: {v:?} {low:?}");

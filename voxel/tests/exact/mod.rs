@@ -77,7 +77,8 @@ pub fn exact_overlaps_box(v: ExactTriangle, low: [i64; 3], high: [i64; 3]) -> bo
         for (a, b) in [(1, 2), (0, 2), (0, 1)] {
             // Values relative to the edge, whose own is 0: below 2^98.
             let value = |x: i64, y: i64| {
-                i128::from(edge[a]) * i128::from(y - start[b]) - i128::from(edge[b]) * i128::from(x - start[a])
+                i128::from(edge[a]) * i128::from(y - start[b])
+                    - i128::from(edge[b]) * i128::from(x - start[a])
             };
             let apex = v[(e + 2) % 3];
             let opposite = value(apex[a], apex[b]);
@@ -89,7 +90,8 @@ pub fn exact_overlaps_box(v: ExactTriangle, low: [i64; 3], high: [i64; 3]) -> bo
         }
     }
     let normal = cross(sub(v[1], v[0]).map(i128::from), sub(v[2], v[0]).map(i128::from));
-    let farthest = |sign: i128| [0, 1, 2].map(|k| if normal[k] * sign > 0 { high[k] } else { low[k] } - v[0][k]);
+    let farthest =
+        |sign: i128| [0, 1, 2].map(|k| if normal[k] * sign > 0 { high[k] } else { low[k] } - v[0][k]);
     sign_of_dot(normal, farthest(1)) >= 0 && sign_of_dot(normal, farthest(-1)) <= 0
 }
 
@@ -209,9 +211,8 @@ impl Class {
             Class::OnTies => {
                 let reach = any(random);
                 let step = UNIT / i64::from(SUBVOXELS);
-                corners(random, reach).map(|p| {
-                    p.map(|c| (c & -step) + step / 2 + random.rand_range(0..3) as i64 - 1)
-                })
+                corners(random, reach)
+                    .map(|p| p.map(|c| (c & -step) + step / 2 + random.rand_range(0..3) as i64 - 1))
             }
             Class::Degenerate => {
                 let reach = any(random);

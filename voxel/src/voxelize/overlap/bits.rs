@@ -1,23 +1,48 @@
 //! 64-bit masks of 4x4x4 cells, bit x + 4 y + 16 z: columns to cells, boxes, and cutting a mask at brick borders.
 
+/// `f(0)`, `f(1)`, `f(2)`: one for each axis. `array::map` is not always inlined where the caller has a SIMD level.
+#[inline(always)]
+pub(super) fn per_axis<T>(f: impl Fn(usize) -> T) -> [T; 3] {
+    [f(0), f(1), f(2)]
+}
+
+/// Eight columns along x to their cells: bit i to the nibble i.
+const NIBBLES: [u32; 256] = spread_table(1, 0xf);
+/// Two rows of columns along y to their cells: the nibble i to the four nibbles from 4 i on.
+const ROWS: [u32; 256] = spread_table(4, 0x1111);
+
+/// For each byte: its groups of `size` bits, each times `copies` and moved to four times its place.
+const fn spread_table(size: u32, copies: u32) -> [u32; 256] {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut from = 0;
+        while from < 8 {
+            let group = (byte as u32 >> from) & ((1 << size) - 1);
+            table[byte] |= (group * copies) << (4 * from);
+            from += size;
+        }
+        byte += 1;
+    }
+    table
+}
+
+#[inline(always)]
+fn spread(table: &[u32; 256], columns: u64) -> u64 {
+    let [low, high, ..] = columns.to_le_bytes();
+    u64::from(table[low as usize]) | u64::from(table[high as usize]) << 32
+}
+
 /// Columns along x (bit y + 4 z) to cells.
 #[inline(always)]
 pub(super) fn spread_yz(columns: u64) -> u64 {
-    let mut m = columns;
-    m = (m | m << 24) & 0x0000_00ff_0000_00ff;
-    m = (m | m << 12) & 0x000f_000f_000f_000f;
-    m = (m | m << 6) & 0x0303_0303_0303_0303;
-    m = (m | m << 3) & 0x1111_1111_1111_1111;
-    m * 0xf
+    spread(&NIBBLES, columns)
 }
 
 /// Columns along y (bit x + 4 z) to cells.
 #[inline(always)]
 pub(super) fn spread_xz(columns: u64) -> u64 {
-    let mut m = columns;
-    m = (m | m << 24) & 0x0000_00ff_0000_00ff;
-    m = (m | m << 12) & 0x000f_000f_000f_000f;
-    m * 0x1111
+    spread(&ROWS, columns)
 }
 
 /// Columns along z (bit x + 4 y) to cells.
@@ -26,24 +51,53 @@ pub(super) fn spread_xy(columns: u64) -> u64 {
     columns * 0x0001_0001_0001_0001
 }
 
-/// Cells from `first` to `last`, both included; each is clamped to 0 ..= 3.
+/// Bits `first` to `last`, both included, of those from 0 to `count - 1`; `count` is at most 16.
 #[inline(always)]
-pub(super) fn box_mask(first: [i32; 3], last: [i32; 3]) -> u64 {
-    let low = first.map(|c| c.clamp(0, 3) as u32);
-    let past = last.map(|c| 3 - c.clamp(0, 3) as u32);
-    let x = (0xf << low[0]) & (0xf >> past[0]);
-    let y = (0xffff << (4 * low[1])) & (0xffff >> (4 * past[1]));
-    let z = (u64::MAX << (16 * low[2])) & (u64::MAX >> (16 * past[2]));
-    (x * 0x1111_1111_1111_1111) & (y * 0x0001_0001_0001_0001) & z
+pub(super) fn range_bits(first: i32, last: i32, count: i32) -> u32 {
+    let from = first.clamp(0, count) as u32;
+    let to = (last + 1).clamp(0, count) as u32;
+    // Empty when `to <= from`.
+    (1u32 << to).wrapping_sub(1) & !((1 << from) - 1)
+}
+
+/// Cells whose coordinates are in a set an axis: four bits each, higher ones are ignored.
+#[inline(always)]
+pub(super) fn box_mask(sets: [u32; 3]) -> u64 {
+    const Y: [u64; 16] = box_table(4, 0x0001_0001_0001_0001);
+    const Z: [u64; 16] = box_table(16, 1);
+    let x = u64::from(sets[0] & 0xf) * 0x1111_1111_1111_1111;
+    x & Y[(sets[1] & 0xf) as usize] & Z[(sets[2] & 0xf) as usize]
+}
+
+/// For each set of four: `stride` ones at `stride` times each member, times `copies`.
+const fn box_table(stride: u32, copies: u64) -> [u64; 16] {
+    let mut table = [0; 16];
+    let mut set = 0;
+    while set < 16 {
+        let mut member = 0;
+        while member < 4 {
+            if set >> member & 1 == 1 {
+                table[set] |= (((1 << stride) - 1) << (stride * member)) * copies;
+            }
+            member += 1;
+        }
+        set += 1;
+    }
+    table
 }
 
 /// Cuts the mask of a 4x4x4 window whose low corner is any voxel into the masks of the bricks that it straddles, and
 /// visits those that are not empty. `last` is the last voxel of the window that may be set, relative to `corner`.
 #[inline(always)]
-pub(super) fn split_window(corner: [i32; 3], last: [i32; 3], mask: u64, visit: &mut impl FnMut([i32; 3], u64)) {
-    let offset = corner.map(|c| c & 3);
-    let brick = corner.map(|c| c & !3);
-    let straddles = [0, 1, 2].map(|k| offset[k] + last[k] > 3);
+pub(super) fn split_window(
+    corner: [i32; 3],
+    last: [i32; 3],
+    mask: u64,
+    visit: &mut impl FnMut([i32; 3], u64),
+) {
+    let offset = per_axis(|k| corner[k] & 3);
+    let brick = per_axis(|k| corner[k] & !3);
+    let straddles = per_axis(|k| offset[k] + last[k] > 3);
     if straddles == [false; 3] {
         // A window that starts inside a brick and does not leave it: its bits move up.
         visit(brick, mask << (offset[0] + 4 * offset[1] + 16 * offset[2]));
@@ -54,12 +108,12 @@ pub(super) fn split_window(corner: [i32; 3], last: [i32; 3], mask: u64, visit: &
             for x in 0..=i32::from(straddles[0]) {
                 let at = [x, y, z];
                 // Voxels of the window in this brick, and where its low corner lies in the brick.
-                let from = [0, 1, 2].map(|k| offset[k] - 4 * at[k]);
-                let part = mask & box_mask(from.map(|f| -f), from.map(|f| 3 - f));
+                let from = per_axis(|k| offset[k] - 4 * at[k]);
+                let part = mask & box_mask(per_axis(|k| range_bits(-from[k], 3 - from[k], 4)));
                 let moved = from[0] + 4 * from[1] + 16 * from[2];
                 let part = if moved >= 0 { part << moved } else { part >> -moved };
                 if part != 0 {
-                    visit([0, 1, 2].map(|k| brick[k] + 4 * at[k]), part);
+                    visit(per_axis(|k| brick[k] + 4 * at[k]), part);
                 }
             }
         }
@@ -94,17 +148,13 @@ mod tests {
 
     #[test]
     fn box_masks_hold_the_cells_between_their_corners() {
-        for low in 0..4 {
-            for high in low..4 {
-                for outside in [0, 5] {
-                    let (low_x, high_x) = (low - if low == 0 { outside } else { 0 }, high);
-                    let mask = box_mask([low_x, 0, low], [high_x, 3, high]);
-                    let between = |c| (low..=high).contains(&c);
-                    assert_eq!(mask, mask_of(|x, _, z| between(x) && between(z)), "{low} {high} {outside}");
-                    let mask = box_mask([0, low, 0], [3, high + outside, 7]);
-                    let to = if outside == 0 { high } else { 3 };
-                    assert_eq!(mask, mask_of(|_, y, _| (low..=to).contains(&y)), "{low} {high} {outside}");
-                }
+        for first in -2..6 {
+            for last in first - 2..6 {
+                let sets = [range_bits(first, last, 4), 0x1f6, range_bits(last - 1, last, 4)];
+                let expected = mask_of(|x, y, z| {
+                    (first..=last).contains(&x) && (1..=2).contains(&y) && (last - 1..=last).contains(&z)
+                });
+                assert_eq!(box_mask(sets), expected, "{first} {last}");
             }
         }
     }
@@ -115,7 +165,7 @@ mod tests {
         for round in 0..4000 {
             let corner = [0; 3].map(|_: i32| random.rand_range(0..12) as i32);
             let last = [0; 3].map(|_: i32| random.rand_range(0..4) as i32);
-            let mask = (random.rand_u64() & random.rand_u64()) & box_mask([0; 3], last);
+            let mask = (random.rand_u64() & random.rand_u64()) & box_mask(last.map(|c| range_bits(0, c, 4)));
             let mut found = Vec::new();
             let mut bricks = Vec::new();
             split_window(corner, last, mask, &mut |brick, part| {

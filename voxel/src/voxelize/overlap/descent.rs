@@ -1,14 +1,17 @@
 //! From a triangle to its bricks: the smallest window of 4x4x4 cells that holds it, and down from there, 64 cells at a
 //! time.
 
-use fearless_simd::{Simd, i32x4};
+use fearless_simd::Simd;
 
 use super::TriangleOverlap;
-use super::bits::{box_mask, split_window, spread_xy, spread_xz, spread_yz};
-use super::plane::{Plane, PlaneBounds};
-use super::projection::{EdgeBounds, KEPT_AXES, Projection, SMALL, fits_32_bits};
+use super::axes::{Axes, Planar, Solid};
+use super::bits::{box_mask, per_axis, range_bits, split_window};
+use super::projection::{SMALL, fits_32_bits};
 use crate::grid::SUBVOXELS;
-use crate::voxelize::SnappedTriangle;
+use crate::voxelize::{SnappedTriangle, for_each_cell};
+
+/// Up to this many bricks in a triangle's box, each is tested without looking for touched ones first.
+const FEW_BRICKS: i32 = 4;
 
 /// Voxels from `first` to `last`, both included.
 #[derive(Clone, Copy)]
@@ -21,21 +24,23 @@ impl Region {
     /// A cell of `2^shift` voxels within a grid of `side` voxels, in whole bricks.
     #[inline(always)]
     pub fn cell(cell: [i32; 3], shift: u32, side: i32) -> Self {
-        Region { first: cell, last: cell.map(|c| ((c + (1 << shift)).min(side) - 1) | 3) }
+        Region { first: cell, last: per_axis(|k| ((cell[k] + (1 << shift)).min(side) - 1) | 3) }
     }
 
     #[inline(always)]
-    pub fn intersect(self, other: Region) -> Option<Region> {
-        let first = [0, 1, 2].map(|k| self.first[k].max(other.first[k]));
-        let last = [0, 1, 2].map(|k| self.last[k].min(other.last[k]));
-        (0..3).all(|k| first[k] <= last[k]).then_some(Region { first, last })
+    fn intersect(self, other: Region) -> Option<Region> {
+        let first = per_axis(|k| self.first[k].max(other.first[k]));
+        let last = per_axis(|k| self.last[k].min(other.last[k]));
+        let is_empty = first[0] > last[0] || first[1] > last[1] || first[2] > last[2];
+        if is_empty { None } else { Some(Region { first, last }) }
     }
 
     /// log2 of the side of the smallest cells, of 4^n voxels, of which at most four an axis hold the region.
     #[inline(always)]
     fn level(&self) -> u32 {
+        let beyond = |k: usize, level: u32| (self.last[k] >> level) - (self.first[k] >> level) > 3;
         let mut level = 0;
-        while (0..3).any(|k| (self.last[k] >> level) - (self.first[k] >> level) > 3) {
+        while beyond(0, level) || beyond(1, level) || beyond(2, level) {
             level += 2;
         }
         level
@@ -66,38 +71,47 @@ pub(super) fn for_each_brick<S: Simd>(
     let (first, last) = triangle.cell_range(0);
     let touched = Region { first, last };
     let Some(region) = touched.intersect(clip) else { return };
-    let single = [0, 1, 2].map(|k| touched.first[k] == touched.last[k]);
     let level = region.level();
-    if level == 0 {
-        let last = [0, 1, 2].map(|k| region.last[k] - region.first[k]);
-        let mut mask = box_mask([0; 3], last);
-        // Within one voxel on two axes, a triangle touches all that its box touches.
-        if single.iter().filter(|&&s| s).count() < 2 {
-            let axes = Axes::new(simd, triangle, single, region.first, level);
-            mask &= axes.touched(&axes.root(simd), &axes.touching(simd, 0));
-        }
-        if mask != 0 {
-            split_window(region.first, last, mask, visit);
-        }
-    } else if fits_32_bits(triangle.extent(), 4 << level) {
-        let corner = region.first.map(|c| c >> level << level);
-        let axes = Axes::new(simd, triangle, single, corner, level);
-        axes.for_each_brick(simd, &Window { corner, level, region }, visit);
-    } else {
-        wide(triangle, region, level, visit);
+    let corner = per_axis(|k| region.first[k] >> level << level);
+    let window = Window { corner, level, region };
+    if level > 2 && !fits_32_bits(triangle.extent(), 4 << level) {
+        return wide(triangle, &window, visit);
+    }
+
+    // Where it is flat, or within one voxel, its box says all that there is to say about that axis.
+    let extent = triangle.extent();
+    let flat = per_axis(|k| extent[k] == 0 || touched.first[k] == touched.last[k]);
+    let v = per_axis(|i| per_axis(|k| triangle.vertices[i][k] - corner[k] * SUBVOXELS));
+    let near = |k: usize| {
+        let corner = corner[k] * SUBVOXELS;
+        triangle.min[k] - corner > -SMALL && triangle.max[k] - corner < SMALL
+    };
+    let small = near(0) && near(1) && near(2);
+    match flat {
+        [false, false, false] => window.visit(simd, &Solid::new(simd, &v, small, 4 << level), visit),
+        [true, false, false] => window.visit(simd, &Planar::new(simd, &v, 0, small, 4 << level), visit),
+        [false, true, false] => window.visit(simd, &Planar::new(simd, &v, 1, small, 4 << level), visit),
+        [false, false, true] => window.visit(simd, &Planar::new(simd, &v, 2, small, 4 << level), visit),
+        _ => every_brick(region, visit),
     }
 }
 
-/// Halves twice a region in which values of the triangle's edges need more than 32 bits.
+/// Visits all bricks of a region, with the voxels inside it.
+#[inline(always)]
+fn every_brick(region: Region, visit: &mut impl FnMut([i32; 3], u64)) {
+    let brick = |c: [i32; 3]| per_axis(|k| c[k] >> 2);
+    for_each_cell(brick(region.first), brick(region.last), |at| {
+        let corner = per_axis(|k| at[k] << 2);
+        let inside = |k: usize| range_bits(region.first[k] - corner[k], region.last[k] - corner[k], 4);
+        visit(corner, box_mask(per_axis(inside)));
+    });
+}
+
+/// Narrows a window down in which values of the triangle's edges need more than 32 bits.
 #[inline(never)]
-fn wide(
-    triangle: &TriangleOverlap,
-    region: Region,
-    level: u32,
-    visit: &mut impl FnMut([i32; 3], u64),
-) {
-    let cells = |corner: [i32; 3]| corner.map(|c| c >> level);
-    crate::voxelize::for_each_cell(cells(region.first), cells(region.last), |at| {
+fn wide(triangle: &TriangleOverlap, window: &Window, visit: &mut impl FnMut([i32; 3], u64)) {
+    let (level, region) = (window.level, window.region);
+    for_each_cell(region.first.map(|c| c >> level), region.last.map(|c| c >> level), |at| {
         let first = at.map(|c| c << level);
         if triangle.touches_cell(first, level) {
             let last = first.map(|c| c + (1 << level) - 1);
@@ -116,246 +130,165 @@ struct Window {
     region: Region,
 }
 
-/// The axes that can separate a triangle from a cell in a window of 4x4x4 cells, beside those of the box.
-struct Axes<S: Simd> {
-    projections: [Option<Projection<S>>; 3],
-    plane: Option<Plane<S>>,
-}
-
-/// Bounds of all axes for cells of one size.
-struct Bounds<S: Simd> {
-    edges: [Option<EdgeBounds<S>>; 3],
-    plane: PlaneBounds,
-}
-
-/// 4x4x4 cells: values of the first one.
-#[derive(Clone, Copy)]
-struct Cells<S: Simd> {
-    edges: [i32x4<S>; 3],
-    plane: i64,
-}
-
-/// A level of the descent: cells of one size.
-struct Level<S: Simd> {
-    touching: Bounds<S>,
-    covering: [Option<EdgeBounds<S>>; 3],
-    /// Cells, counted from the window's corner, that the triangle's box touches.
-    first: [i32; 3],
-    last: [i32; 3],
-    /// Cells of which it touches every voxel.
-    covered_first: [i32; 3],
-    covered_last: [i32; 3],
-}
-
 /// 64 cells on the way down.
 #[derive(Clone, Copy)]
-struct Node<S: Simd> {
-    cells: Cells<S>,
+struct Node<V: Copy> {
+    /// Values of the first cell.
+    values: V,
     /// The first cell, counted from the window's corner.
     first: [i32; 3],
-    /// Cells still to visit.
+    /// Cells to visit.
     left: u64,
     /// Cells of which every voxel passes all tests but the plane's.
     covered: u64,
 }
 
-impl<S: Simd> Axes<S> {
+impl Window {
+    /// Visits the bricks that a triangle touches; `axes` were made for this window.
     #[inline(always)]
-    fn new(simd: S, triangle: &TriangleOverlap, single: [bool; 3], corner: [i32; 3], level: u32) -> Self {
-        let v = triangle.vertices.map(|p| [0, 1, 2].map(|k| p[k] - corner[k] * SUBVOXELS));
-        let width = 4 << level;
-        let small = (0..3).all(|k| {
-            let corner = corner[k] * SUBVOXELS;
-            triangle.min[k] - corner > -SMALL && triangle.max[k] - corner < SMALL
-        });
-        let extent = triangle.extent();
-        let projections = KEPT_AXES.map(|(a, b)| {
-            // Within one voxel along `a`, or flat along it, the triangle's projection is a segment along b as far as
-            // voxels can tell: the box tests say the same as the edges'.
-            let separates = !single[a] && !single[b] && extent[a] != 0 && extent[b] != 0;
-            separates.then(|| Projection::new(simd, &v, (a, b), small, width))
-        });
-        let plane = if single == [false; 3] { Plane::new(simd, &v, width) } else { None };
-        Axes { projections, plane }
-    }
-
-    #[inline(always)]
-    fn root(&self, simd: S) -> Cells<S> {
-        Cells { edges: [Projection::origin(simd); 3], plane: 0 }
-    }
-
-    #[inline(always)]
-    fn touching(&self, simd: S, level: u32) -> Bounds<S> {
-        Bounds {
-            edges: [0, 1, 2].map(|k| self.projections[k].as_ref().map(|p| p.touching(simd, level))),
-            plane: self.plane.as_ref().map_or(PlaneBounds::default(), |p| p.touching(level)),
-        }
-    }
-
-    #[inline(always)]
-    fn level(&self, simd: S, window: &Window, level: u32) -> Level<S> {
-        let from = |c: [i32; 3]| [0, 1, 2].map(|k| c[k] - window.corner[k]);
-        let (first, last) = (from(window.region.first), from(window.region.last));
-        Level {
-            touching: self.touching(simd, level),
-            covering: [0, 1, 2].map(|k| self.projections[k].as_ref().map(|p| p.covering(simd, level))),
-            first: first.map(|c| c >> level),
-            last: last.map(|c| c >> level),
-            covered_first: first.map(|c| (c + (1 << level) - 1) >> level),
-            covered_last: last.map(|c| ((c + 1) >> level) - 1),
-        }
-    }
-
-    /// Cells within the bounds on the axes of the edges.
-    #[inline(always)]
-    fn edges(&self, cells: &Cells<S>, bounds: &[Option<EdgeBounds<S>>; 3]) -> u64 {
-        let columns = |k: usize| match (&self.projections[k], &bounds[k]) {
-            (Some(projection), Some(bounds)) => projection.columns(cells.edges[k], bounds),
-            _ => 0xffff,
-        };
-        spread_yz(columns(0)) & spread_xz(columns(1)) & spread_xy(columns(2))
-    }
-
-    #[inline(always)]
-    fn plane(&self, cells: &Cells<S>, bounds: &Bounds<S>) -> u64 {
-        self.plane.as_ref().map_or(u64::MAX, |plane| plane.cells(cells.plane, bounds.plane))
-    }
-
-    /// Cells that overlap the triangle on all axes but the box's.
-    #[inline(always)]
-    fn touched(&self, cells: &Cells<S>, bounds: &Bounds<S>) -> u64 {
-        self.edges(cells, &bounds.edges) & self.plane(cells, bounds)
-    }
-
-    /// The 64 cells within cell `at` of `cells`.
-    #[inline(always)]
-    fn descend(&self, cells: &Cells<S>, at: [i32; 3]) -> Cells<S> {
-        let edges = [0, 1, 2].map(|k| {
-            let (a, b) = KEPT_AXES[k];
-            match &self.projections[k] {
-                Some(projection) => projection.descend(cells.edges[k], at[a] as usize, at[b] as usize),
-                None => cells.edges[k],
+    fn visit<S: Simd, A: Axes<S>>(&self, simd: S, axes: &A, visit: &mut impl FnMut([i32; 3], u64)) {
+        let voxels = axes.touching(simd, 0);
+        let origin = A::origin(simd);
+        if self.level == 0 {
+            let last = per_axis(|k| self.region.last[k] - self.region.first[k]);
+            let inside = box_mask(per_axis(|k| range_bits(0, last[k], 4)));
+            let mask = inside & axes.touched(A::offset(origin, &voxels), &voxels);
+            if mask != 0 {
+                split_window(self.corner, last, mask, visit);
             }
-        });
-        let plane = self.plane.as_ref().map_or(0, |plane| plane.descend(cells.plane, at));
-        Cells { edges, plane }
+        } else if self.level == 2 {
+            let [x, y, z] = per_axis(|k| (self.region.last[k] >> 2) - (self.region.first[k] >> 2) + 1);
+            let mut left = box_mask(self.touched_cells([0; 3], 2));
+            if x * y * z > FEW_BRICKS {
+                let bricks = axes.touching(simd, 2);
+                left &= axes.touched(A::offset(origin, &bricks), &bricks);
+            }
+            // Too few bricks for it to pay to know which are covered.
+            let root = Node { values: origin, first: [0; 3], left, covered: 0 };
+            self.visit_bricks(axes, &root, &voxels, visit);
+        } else {
+            let touching = axes.touching(simd, self.level);
+            let covering = axes.covering(simd, self.level);
+            let root = self.node(axes, origin, [0; 3], self.level, &touching, &covering);
+            self.visit_cells(simd, axes, self.level, root, &voxels, visit);
+        }
     }
 
+    /// Cells of `2^level` voxels that the triangle's box touches, of the 64 from cell `first` on: a set an axis.
     #[inline(always)]
-    fn node(&self, cells: Cells<S>, first: [i32; 3], level: &Level<S>, all_covered: bool) -> Node<S> {
-        let plane = self.plane(&cells, &level.touching);
-        if all_covered {
-            return Node { cells, first, left: plane, covered: u64::MAX };
-        }
-        let from = |c: [i32; 3]| [0, 1, 2].map(|k| c[k] - first[k]);
-        let left = plane & self.edges(&cells, &level.touching.edges) & box_mask(from(level.first), from(level.last));
-        let covered = if (0..3).all(|k| {
-            level.covered_first[k] <= level.covered_last[k]
-                && level.covered_first[k] <= first[k] + 3
-                && level.covered_last[k] >= first[k]
-        }) {
-            self.edges(&cells, &level.covering)
-                & box_mask(from(level.covered_first), from(level.covered_last))
-        } else {
-            0
-        };
-        Node { cells, first, left, covered }
+    fn touched_cells(&self, first: [i32; 3], level: u32) -> [u32; 3] {
+        per_axis(|k| {
+            let from = (self.region.first[k] - self.corner[k]) >> level;
+            let to = (self.region.last[k] - self.corner[k]) >> level;
+            range_bits(from - first[k], to - first[k], 4)
+        })
     }
 
-    /// Visits the bricks below the window's root, of cells of `2^level` voxels, at least 4.
+    /// Cells of `2^level` voxels that lie within the triangle's box, of the 64 from cell `first` on: a set an axis.
     #[inline(always)]
-    fn for_each_brick(&self, simd: S, window: &Window, visit: &mut impl FnMut([i32; 3], u64)) {
-        let level = self.level(simd, window, window.level);
-        let root = self.node(self.root(simd), [0; 3], &level, false);
-        let voxels = self.level(simd, window, 0);
-        if window.level == 2 {
-            self.visit_bricks(window, &root, &voxels, visit);
-        } else {
-            self.visit_cells(simd, window, window.level, root, &voxels, visit);
+    fn covered_cells(&self, first: [i32; 3], level: u32) -> [u32; 3] {
+        per_axis(|k| {
+            let from = (self.region.first[k] - self.corner[k] + (1 << level) - 1) >> level;
+            let to = ((self.region.last[k] - self.corner[k] + 1) >> level) - 1;
+            range_bits(from - first[k], to - first[k], 4)
+        })
+    }
+
+    /// Finds the touched and the covered ones of 64 cells of `2^level` voxels.
+    #[inline(always)]
+    fn node<S: Simd, A: Axes<S>>(
+        &self,
+        axes: &A,
+        values: A::Values,
+        first: [i32; 3],
+        level: u32,
+        touching: &A::Bounds,
+        covering: &A::Covering,
+    ) -> Node<A::Values> {
+        let left =
+            box_mask(self.touched_cells(first, level)) & axes.touched(A::offset(values, touching), touching);
+        let mut covered = box_mask(self.covered_cells(first, level)) & left;
+        if covered != 0 {
+            covered &= axes.covered(values, covering);
         }
+        Node { values, first, left, covered }
     }
 
     /// Visits the bricks below cells of `2^level` voxels, at least 16.
     #[inline(never)]
-    fn visit_cells<V: FnMut([i32; 3], u64)>(
+    fn visit_cells<S: Simd, A: Axes<S>, V: FnMut([i32; 3], u64)>(
         &self,
         simd: S,
-        window: &Window,
+        axes: &A,
         level: u32,
-        mut node: Node<S>,
-        voxels: &Level<S>,
+        node: Node<A::Values>,
+        voxels: &A::Bounds,
         visit: &mut V,
     ) {
         simd.vectorize(
             #[inline(always)]
             || {
-                let below = self.level(simd, window, level - 2);
-                while let Some((at, covered)) = node.next() {
-                    let cells = self.descend(&node.cells, at);
-                    let first = [0, 1, 2].map(|k| (node.first[k] + at[k]) << 2);
-                    let child = self.node(cells, first, &below, covered);
-                    if level == 4 {
-                        self.visit_bricks(window, &child, voxels, visit);
+                let touching = axes.touching(simd, level - 2);
+                let covering = axes.covering(simd, level - 2);
+                let within = A::within(node.values);
+                let mut left = node.left;
+                while let Some(at) = next_cell(&mut left) {
+                    let first = per_axis(|k| (node.first[k] + at[k]) << 2);
+                    let values = axes.step(within, at);
+                    let child = if node.covered >> (at[0] + 4 * at[1] + 16 * at[2]) & 1 == 1 {
+                        let left = axes.on_plane(A::offset(values, &touching), &touching);
+                        Node { values, first, left, covered: u64::MAX }
                     } else {
-                        self.visit_cells(simd, window, level - 2, child, voxels, visit);
+                        self.node(axes, values, first, level - 2, &touching, &covering)
+                    };
+                    if level == 4 {
+                        self.visit_bricks(axes, &child, voxels, visit);
+                    } else {
+                        self.visit_cells(simd, axes, level - 2, child, voxels, visit);
                     }
                 }
             },
         );
     }
 
-    /// Visits bricks, those without a test but the plane's first.
+    /// Visits bricks: those that are covered first, since nothing but the plane is left to test.
     #[inline(always)]
-    fn visit_bricks(
+    fn visit_bricks<S: Simd, A: Axes<S>>(
         &self,
-        window: &Window,
-        node: &Node<S>,
-        voxels: &Level<S>,
+        axes: &A,
+        node: &Node<A::Values>,
+        voxels: &A::Bounds,
         visit: &mut impl FnMut([i32; 3], u64),
     ) {
-        let first_of = |at: [i32; 3]| [0, 1, 2].map(|k| (node.first[k] + at[k]) << 2);
-        let corner_of = |first: [i32; 3]| [0, 1, 2].map(|k| window.corner[k] + first[k]);
-        for at in cells_of(node.left & node.covered) {
-            let plane = self.plane.as_ref().map_or(0, |plane| plane.descend(node.cells.plane, at));
-            let mask = self.plane.as_ref().map_or(u64::MAX, |p| p.cells(plane, voxels.touching.plane));
-            visit(corner_of(first_of(at)), mask);
+        let within = A::offset(A::within(node.values), voxels);
+        let corner = per_axis(|k| self.corner[k] + (node.first[k] << 2));
+        let mut left = node.left & node.covered;
+        while let Some(at) = next_cell(&mut left) {
+            let mask = axes.on_plane(axes.step_on_plane(within, at), voxels);
+            visit(per_axis(|k| corner[k] + (at[k] << 2)), mask);
         }
-        for at in cells_of(node.left & !node.covered) {
-            let first = first_of(at);
-            let from = |c: [i32; 3]| [0, 1, 2].map(|k| c[k] - first[k]);
-            let cells = self.descend(&node.cells, at);
-            let mask = self.touched(&cells, &voxels.touching) & box_mask(from(voxels.first), from(voxels.last));
-            visit(corner_of(first), mask);
+        // Voxels inside the triangle's box, of the 16 an axis.
+        let inside =
+            per_axis(|k| range_bits(self.region.first[k] - corner[k], self.region.last[k] - corner[k], 16));
+        let mut left = node.left & !node.covered;
+        while let Some(at) = next_cell(&mut left) {
+            let mask = box_mask(per_axis(|k| inside[k] >> (at[k] << 2)))
+                & axes.touched(axes.step(within, at), voxels);
+            // Only where bricks were not tested before.
+            if mask != 0 {
+                visit(per_axis(|k| corner[k] + (at[k] << 2)), mask);
+            }
         }
     }
 }
 
-impl<S: Simd> Node<S> {
-    /// The next cell, 0 to 3 an axis, and whether it is covered.
-    #[inline(always)]
-    fn next(&mut self) -> Option<([i32; 3], bool)> {
-        let at = first_cell(self.left)?;
-        let covered = self.covered & self.left & self.left.wrapping_neg() != 0;
-        self.left &= self.left - 1;
-        Some((at, covered))
+/// Takes the next cell from a mask, 0 to 3 an axis.
+#[inline(always)]
+fn next_cell(mask: &mut u64) -> Option<[i32; 3]> {
+    if *mask == 0 {
+        return None;
     }
-}
-
-/// Cells of a mask, 0 to 3 an axis.
-#[inline(always)]
-fn cells_of(mut mask: u64) -> impl Iterator<Item = [i32; 3]> {
-    std::iter::from_fn(
-        #[inline(always)]
-        move || {
-            let at = first_cell(mask)?;
-            mask &= mask - 1;
-            Some(at)
-        },
-    )
-}
-
-#[inline(always)]
-fn first_cell(mask: u64) -> Option<[i32; 3]> {
     let bit = mask.trailing_zeros() as i32;
-    (mask != 0).then_some([bit & 3, bit >> 2 & 3, bit >> 4])
+    *mask &= *mask - 1;
+    Some([bit & 3, bit >> 2 & 3, bit >> 4])
 }

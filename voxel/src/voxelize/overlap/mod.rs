@@ -1,23 +1,53 @@
-//! Conservative overlap of triangles with voxels, bricks and blocks, in exact integer arithmetic.
+//! Conservative overlap of triangles with voxels, bricks and blocks, in exact integer arithmetic, 64 cells at a time.
 //!
 //! A triangle and a box overlap unless one of 13 axes separates them: the three box normals, the triangle's normal,
 //! and the nine cross products of the triangle's edges with the box's axes (Akenine-Möller, "Fast 3D Triangle-Box
 //! Overlap Testing", 2001; the grouping into three 2D tests and a plane test is that of Schwarz and Seidel, "Fast
-//! Parallel Surface and Solid Voxelization on GPUs", 2010). We differ: all tests are two-sided intervals, so that
-//! degenerate triangles (segments, points) need no case of their own, and nothing is ever rounded:
+//! Parallel Surface and Solid Voxelization on GPUs", 2010). All tests are two-sided intervals, so that degenerate
+//! triangles (segments, points) need no case of their own, and nothing is ever rounded.
 //!
-//! - vertices are snapped to 1/256 voxel, integers below 2^25 for the largest grid (2^17 voxels);
-//! - a 2D edge test is a sum of two products of numbers below 2^26: below 2^53, exact in i64;
-//! - a component of the normal is twice the area of the triangle's projection into a square of side 2^25: at most 2^50.
-//!   Its product with a position below 2^26, and the sum of three of them, stay below 2^78: formed once per triangle and
-//!   brick in i128. Steps inside a brick (at most 3 voxels of 2^8 an axis) sum to less than 2^62: exact in i64.
+//! # One test for all axes and all cell sizes
 //!
-//! Each box is widened by one step (1/256 voxel) on every side. Snapping moves a vertex by at most half a step per axis
-//! (and the f64 placement before it by far less: [`crate::grid::GridError::TooFine`]), so every point of the *unsnapped*
-//! triangle lies within a step of the snapped one: **no voxel touched by the real triangle is missed**. A false
-//! positive is no farther from the real triangle than 1.5 steps: half a step more than snapping alone would give, so
-//! that a ray walk that is off by 2^-10 voxel still enters a voxel that knows the triangle.
+//! Vertices are snapped to steps of 1/256 voxel, and each box is widened by one step on every side. Take an axis n with
+//! P and N the sums of its positive and its negative components, the triangle's interval `[l, h]` on it, and cells of
+//! L = 256 * 2^k steps. The widened cell with index I (a vector) has its low corner at `L I - 1` and spans L + 2 steps, so
+//! that its interval is `L (n . I) - (P + N) + [N (L + 2), P (L + 2)]`, and it overlaps the triangle's when
+//!
+//! > `ceil((l - d) / L) - P  <=  n . I  <=  floor((h + d) / L) - N`, where d = P - N.
+//!
+//! So a test is one linear function of cell indices between two integers, the function is the same for all sizes, and
+//! since floors nest, the bounds of a size are shifts of those for voxels. The 4x4 columns of a projection (a bit each)
+//! are 16 lanes: one addition and one comparison an edge. Every level of the way down from a triangle's window through
+//! cells of 64, 16 and 4 voxels to voxels is the same code, and exact, so that only what the triangle touches is visited;
+//! cells of which all voxels pass the edge tests (`covered`) leave only the plane to test below. A triangle that is flat
+//! along an axis or stays within one voxel there is a 2D problem, in two axes it is its box.
+//!
+//! # Why it is exact
+//!
+//! With coordinates in `0 ..= 2^25` (the largest grid: 2^17 voxels), relative to a window's corner, in steps:
+//!
+//! - an edge axis has components up to 2^25 and d <= 2^26; its products with positions stay below 2^51 and `l`, `h`, d
+//!   and their sums below 2^53: i64, or i32 where all positions are below 2^14. In a window of w voxels a side `n . I` lies
+//!   in `[N w, P w]`; bounds are clamped to one past that, which no test can tell, and then all is i32 while
+//!   `d (1.25 w + 2) + 4 < 2^31` (`fits_32_bits`): for windows of 16 voxels always, of 256 voxels for triangles whose
+//!   extents sum to 26,000 voxels. Where it does not hold, cells are tested one by one in 64 bits until it does;
+//! - the triangle's normal has components up to 2^50, twice the area of a projection into a square of side 2^25. Its
+//!   product with a position and the interval are i128, formed once per triangle; divided by 256 and clamped to the window
+//!   they are below 2^58 (3 2^50 * 16 voxels, or the above times the extent): i64. Inside 64 cells they are i32 where
+//!   d < 2^28 (triangles up to 1,100 square voxels at least), else i64;
+//! - a two-sided test `0 <= t <= w` with `|t|`, w < 2^31 is the signed comparison `t - 2^31 < w + 1 - 2^31` in wrapping
+//!   arithmetic: a negative t becomes at least 2^32 - |t|, above w.
+//!
+//! # Why nothing is missed
+//!
+//! Snapping moves a vertex by at most half a step per axis (and the f64 placement before it by far less:
+//! [`crate::grid::GridError::TooFine`]). A point of the real triangle is a convex combination of its vertices; the same
+//! combination of the snapped ones lies within half a step of it on each axis, and so inside the box widened by a whole
+//! step if the point lies in the voxel: **no voxel touched by the real triangle is missed**. A false positive is no
+//! farther from the real triangle than 1.5 steps on any axis: half a step more than snapping alone would give, so that a
+//! ray walk that is off by 2^-10 voxel still enters a voxel that knows the triangle.
 
+mod axes;
 mod bits;
 mod descent;
 mod plane;
@@ -25,6 +55,7 @@ mod projection;
 
 use fearless_simd::{Level, dispatch};
 
+use self::bits::per_axis;
 use self::descent::Region;
 use self::projection::KEPT_AXES;
 use super::SnappedTriangle;
@@ -49,8 +80,8 @@ impl TriangleOverlap {
     #[inline(always)]
     pub fn new(vertices: SnappedTriangle) -> Self {
         let [a, b, c] = vertices;
-        let min = [0, 1, 2].map(|k| a[k].min(b[k]).min(c[k]));
-        let max = [0, 1, 2].map(|k| a[k].max(b[k]).max(c[k]));
+        let min = per_axis(|k| a[k].min(b[k]).min(c[k]));
+        let max = per_axis(|k| a[k].max(b[k]).max(c[k]));
         TriangleOverlap { vertices, min, max }
     }
 
@@ -59,15 +90,15 @@ impl TriangleOverlap {
     pub fn cell_range(&self, shift: u32) -> ([i32; 3], [i32; 3]) {
         let size_log2 = shift + STEPS_LOG2;
         // A cell [a, b] touches when a - WIDEN <= max and b + WIDEN >= min; floor((m - 1) / s) = ceil(m / s) - 1.
-        let low = self.min.map(|c| (c - WIDEN - 1) >> size_log2);
-        let high = self.max.map(|c| (c + WIDEN) >> size_log2);
+        let low = per_axis(|k| (self.min[k] - WIDEN - 1) >> size_log2);
+        let high = per_axis(|k| (self.max[k] + WIDEN) >> size_log2);
         (low, high)
     }
 
     /// Extent of its box in steps.
     #[inline(always)]
     fn extent(&self) -> [i32; 3] {
-        [0, 1, 2].map(|k| self.max[k] - self.min[k])
+        per_axis(|k| self.max[k] - self.min[k])
     }
 
     /// Does it touch the cell of `2^shift` voxels whose low corner is voxel `corner`?
@@ -81,7 +112,7 @@ impl TriangleOverlap {
         if outside(0) || outside(1) || outside(2) {
             return false;
         }
-        let edge = |a: usize, b: usize| [0, 1, 2].map(|k| v[b][k] - v[a][k]);
+        let edge = |a: usize, b: usize| per_axis(|k| v[b][k] - v[a][k]);
         let edges = [edge(0, 1), edge(1, 2), edge(2, 0)];
         for (a, b) in KEPT_AXES {
             for (e, edge) in edges.iter().enumerate() {

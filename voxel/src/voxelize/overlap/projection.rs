@@ -14,7 +14,7 @@ pub(super) const KEPT_AXES: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
 /// The three edge axes of a triangle in a coordinate plane. A vector of four has a lane for each edge, the last unused.
 #[derive(Clone, Copy)]
 pub(super) struct Projection<S: Simd> {
-    /// Multiples 0 to 3 of both components of the edges' normals.
+    /// What cells 0 to 3 along both axes, each of four cells a side, add to the values: multiples of 4 normals.
     along: [[i32x4<S>; 4]; 2],
     /// Of each edge: what the 4x4 columns, bit a + 4 b, add to the value of the first one.
     steps: [i32x16<S>; 3],
@@ -31,7 +31,7 @@ pub(super) struct Projection<S: Simd> {
 /// `value + offset < limit`.
 #[derive(Clone, Copy)]
 pub(super) struct EdgeBounds<S: Simd> {
-    offset: i32x4<S>,
+    pub offset: i32x4<S>,
     limit: i32x4<S>,
 }
 
@@ -64,18 +64,15 @@ impl<S: Simd> Projection<S> {
     /// of the coordinates `(a, b)`. `small` says that all coordinates are below [`SMALL`] in magnitude.
     #[inline(always)]
     pub fn new(simd: S, v: &[[i32; 3]; 3], (a, b): (usize, usize), small: bool, width: i32) -> Self {
-        let lanes = |k: usize, first: usize| {
-            i32x4::simd_from(simd, [v[first][k], v[(first + 1) % 3][k], v[(first + 2) % 3][k], 0])
-        };
-        let (start_a, start_b) = (lanes(a, 0), lanes(b, 0));
-        let (end_a, end_b) = (lanes(a, 1), lanes(b, 1));
+        let (start_a, start_b) = (corners(simd, v, a, 0), corners(simd, v, b, 0));
+        let (end_a, end_b) = (corners(simd, v, a, 1), corners(simd, v, b, 1));
         let (normal_a, normal_b) = (start_b - end_b, end_a - start_a);
         let positive = normal_a.max(0) + normal_b.max(0);
         let negative = normal_a.min(0) + normal_b.min(0);
         let (low, high) = if small {
             // Both ends of an edge have the same value.
             let on_edge = normal_a * start_a + normal_b * start_b;
-            let opposite = normal_a * lanes(a, 2) + normal_b * lanes(b, 2);
+            let opposite = normal_a * corners(simd, v, a, 2) + normal_b * corners(simd, v, b, 2);
             let widening = positive - negative;
             let low = on_edge.min(opposite) - widening;
             let high = on_edge.max(opposite) + widening;
@@ -84,15 +81,19 @@ impl<S: Simd> Projection<S> {
             let [low, high] = wide_interval(v, (a, b), width);
             (i32x4::simd_from(simd, low), i32x4::simd_from(simd, high))
         };
-        let multiples = |n: i32x4<S>| {
-            let twice = n + n;
-            [i32x4::splat(simd, 0), n, twice, twice + n]
-        };
-        let across = i32x16::simd_from(simd, [0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3]);
-        let down = i32x16::simd_from(simd, [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]);
         let (of_a, of_b) = (normal_a.to_array(), normal_b.to_array());
-        let steps = [0, 1, 2].map(|e| across * of_a[e] + down * of_b[e]);
-        Projection { along: [multiples(normal_a), multiples(normal_b)], steps, low, high, positive, negative }
+        Projection {
+            along: [multiples(simd, normal_a), multiples(simd, normal_b)],
+            steps: [
+                steps_of(simd, of_a[0], of_b[0]),
+                steps_of(simd, of_a[1], of_b[1]),
+                steps_of(simd, of_a[2], of_b[2]),
+            ],
+            low,
+            high,
+            positive,
+            negative,
+        }
     }
 
     /// Bounds of the values of cells of `2^level` voxels that overlap the triangle in this projection.
@@ -114,26 +115,47 @@ impl<S: Simd> Projection<S> {
         EdgeBounds::between(simd, -(-low >> level), high >> level)
     }
 
-    /// The first cell's value, at the window's low corner.
+    /// Value of the first cell within cell (a, b), 0 to 3 each; `first_cell` is that of the first cell within (0, 0),
+    /// four times the value of (0, 0) itself.
     #[inline(always)]
-    pub fn origin(simd: S) -> i32x4<S> {
-        i32x4::splat(simd, 0)
+    pub fn descend(&self, first_cell: i32x4<S>, a: i32, b: i32) -> i32x4<S> {
+        first_cell + self.along[0][a as usize & 3] + self.along[1][b as usize & 3]
     }
 
-    /// Value of the first cell within cell (a, b), 0 to 3 each, of the 4x4 whose first has `value`.
+    /// Columns of the 4x4 that lie within the bounds on all three axes: bit a + 4 b. `offset_value` is the first one's
+    /// value plus the bounds' offset.
     #[inline(always)]
-    pub fn descend(&self, value: i32x4<S>, a: usize, b: usize) -> i32x4<S> {
-        (value + self.along[0][a & 3] + self.along[1][b & 3]) << 2
-    }
-
-    /// Columns of the 4x4 whose first has `value` that lie within the bounds on all three axes: bit a + 4 b.
-    #[inline(always)]
-    pub fn columns(&self, value: i32x4<S>, bounds: &EdgeBounds<S>) -> u64 {
-        let first = (value + bounds.offset).to_array();
+    pub fn columns(&self, offset_value: i32x4<S>, bounds: &EdgeBounds<S>) -> u64 {
+        let first = offset_value.to_array();
         let limit = bounds.limit.to_array();
-        let within = |e: usize| (self.steps[e] + first[e]).simd_lt(limit[e]);
-        (within(0) & within(1) & within(2)).to_bitmask()
+        let within_0 = (self.steps[0] + first[0]).simd_lt(limit[0]);
+        let within_1 = (self.steps[1] + first[1]).simd_lt(limit[1]);
+        let within_2 = (self.steps[2] + first[2]).simd_lt(limit[2]);
+        (within_0 & within_1 & within_2).to_bitmask()
     }
+}
+
+// No closures around vectors: only a function that is always inlined gets the SIMD level of its caller.
+
+/// Coordinate `k` of the corners, a lane each, from corner `first` on around the triangle.
+#[inline(always)]
+fn corners<S: Simd>(simd: S, v: &[[i32; 3]; 3], k: usize, first: usize) -> i32x4<S> {
+    i32x4::simd_from(simd, [v[first][k], v[(first + 1) % 3][k], v[(first + 2) % 3][k], 0])
+}
+
+#[inline(always)]
+fn multiples<S: Simd>(simd: S, normal: i32x4<S>) -> [i32x4<S>; 4] {
+    let n = normal << 2;
+    let twice = n + n;
+    [i32x4::splat(simd, 0), n, twice, twice + n]
+}
+
+/// `a i + b j` for columns (i, j), bit i + 4 j.
+#[inline(always)]
+pub(super) fn steps_of<S: Simd>(simd: S, a: i32, b: i32) -> i32x16<S> {
+    let across = i32x16::simd_from(simd, [0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3]);
+    let down = i32x16::simd_from(simd, [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]);
+    across * a + down * b
 }
 
 /// The triangle's widened interval on its three edge axes in units of 256 steps, clamped to what makes a difference in a
