@@ -5,7 +5,7 @@
 //! Accuracy, for each class of triangles: the voxels of one brick around a random point of each triangle, against (a) the
 //! snapped triangle and widened voxels in i128: must agree bit for bit; (b) the triangle itself and plain voxels in exact
 //! integers: `missed` must be 0, `false` counts voxels set that the triangle does not touch. Speed: one thread, median of
-//! five, for each SIMD level; masks are compared with the reference on a sample before anything is timed.
+//! five, for each SIMD level in one call, and for one call a triangle ("alone") on the best; masks are compared with the reference on a sample before anything is timed.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -82,8 +82,20 @@ fn check(class: Class, random: &mut Rand64) -> Count {
     let triangle = class.triangle(random);
     let snapped = triangle.map(|p| grid.snap(exact::grid_position(p)));
     let brick = exact::brick_near(random, triangle);
+    // Alone, or among all bricks of a cell of up to 256 voxels a side: every way down to it.
+    let shift = 2 + 2 * random.rand_range(0..4) as u32;
     let mut mask = 0;
-    TriangleOverlap::new(snapped).for_each_brick(brick, 2, SIDE, &mut |_, m| mask |= m);
+    TriangleOverlap::new(snapped).for_each_brick(
+        brick.map(|c| c >> shift << shift),
+        shift,
+        SIDE,
+        &mut |b, m| {
+            if b == brick {
+                assert_eq!(mask, 0, "{class:?} {snapped:?}: {b:?} comes twice");
+                mask = m;
+            }
+        },
+    );
     let mut count = Count { voxels: 64, ..Count::default() };
     for bit in 0..64 {
         let voxel = [brick[0] + (bit & 3), brick[1] + (bit >> 2 & 3), brick[2] + (bit >> 4)];
@@ -233,32 +245,64 @@ fn speed() {
             for &triangle in triangles.iter().take(if leg > 20.0 { 20 } else { 200 }) {
                 check_speed_sample(level, triangle);
             }
-            let (mut bricks, mut voxels) = (0u64, 0u64);
-            let mut times: Vec<f64> = (0..RUNS)
-                .map(|_| {
-                    (bricks, voxels) = (0, 0);
-                    let started = Instant::now();
-                    let triangles = black_box(&triangles).iter().copied();
-                    for_each_brick_of(level, triangles, BLOCK, BLOCK_SHIFT, SIDE, &mut |_, mask| {
-                        bricks += 1;
-                        voxels += u64::from(mask.count_ones());
-                    });
-                    black_box((bricks, voxels));
-                    started.elapsed().as_secs_f64()
-                })
-                .collect();
-            times.sort_by(f64::total_cmp);
-            let seconds = times[RUNS / 2];
-            println!(
-                "{:<10} {:>9} {:>11.1} {:>11.1}   {:<8} {:>12.1} {:>12.3}",
-                format!("{leg}{}", if flat { " flat" } else { "" }),
-                count,
-                voxels as f64 / count as f64,
-                bricks as f64 / count as f64,
-                format!("{level:?}").split('(').next().unwrap(),
-                voxels as f64 / seconds / 1e6,
-                count as f64 / seconds / 1e6
-            );
+            let name = format!("{level:?}");
+            let name = name.split('(').next().unwrap();
+            let seconds_and_visited = median(|visited| {
+                let triangles = black_box(&triangles).iter().copied();
+                for_each_brick_of(level, triangles, BLOCK, BLOCK_SHIFT, SIDE, &mut |_, mask| {
+                    visited.add(mask)
+                });
+            });
+            print_row(leg, flat, name, count, seconds_and_visited);
         }
+        let seconds_and_visited = median(|visited| {
+            for &triangle in black_box(&triangles) {
+                let overlap = TriangleOverlap::new(triangle);
+                overlap.for_each_brick(BLOCK, BLOCK_SHIFT, SIDE, &mut |_, mask| visited.add(mask));
+            }
+        });
+        print_row(leg, flat, "(alone)", count, seconds_and_visited);
     }
+}
+
+/// What a timed run counts.
+#[derive(Clone, Copy, Default)]
+struct Visited {
+    bricks: u64,
+    voxels: u64,
+}
+
+impl Visited {
+    #[inline(always)]
+    fn add(&mut self, mask: u64) {
+        self.bricks += 1;
+        self.voxels += u64::from(mask.count_ones());
+    }
+}
+
+fn median(work: impl Fn(&mut Visited)) -> (f64, Visited) {
+    let mut visited = Visited::default();
+    let mut times: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            visited = Visited::default();
+            let started = Instant::now();
+            work(&mut visited);
+            black_box(visited);
+            started.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    (times[RUNS / 2], visited)
+}
+
+fn print_row(leg: f64, flat: bool, how: &str, count: usize, (seconds, visited): (f64, Visited)) {
+    println!(
+        "{:<10} {:>9} {:>11.1} {:>11.1}   {how:<8} {:>12.1} {:>12.3}",
+        format!("{leg}{}", if flat { " flat" } else { "" }),
+        count,
+        visited.voxels as f64 / count as f64,
+        visited.bricks as f64 / count as f64,
+        visited.voxels as f64 / seconds / 1e6,
+        count as f64 / seconds / 1e6
+    );
 }

@@ -87,13 +87,14 @@ pub(super) fn for_each_brick<S: Simd>(
         triangle.min[k] - corner > -SMALL && triangle.max[k] - corner < SMALL
     };
     let small = near(0) && near(1) && near(2);
-    match flat {
-        [false, false, false] => window.visit(simd, &Solid::new(simd, &v, small, 4 << level), visit),
-        [true, false, false] => window.visit(simd, &Planar::new(simd, &v, 0, small, 4 << level), visit),
-        [false, true, false] => window.visit(simd, &Planar::new(simd, &v, 1, small, 4 << level), visit),
-        [false, false, true] => window.visit(simd, &Planar::new(simd, &v, 2, small, 4 << level), visit),
-        _ => every_brick(region, visit),
-    }
+    let axis = match flat {
+        [false, false, false] => return window.visit(simd, &Solid::new(simd, &v, small, 4 << level), visit),
+        [true, false, false] => 0,
+        [false, true, false] => 1,
+        [false, false, true] => 2,
+        _ => return every_brick(region, visit),
+    };
+    window.visit(simd, &Planar::new(simd, &v, axis, small, 4 << level), visit);
 }
 
 /// Visits all bricks of a region, with the voxels inside it.

@@ -105,37 +105,35 @@ impl TriangleOverlap {
     ///
     /// One cell at a time, straight from the 13 axes: the reference of [`Self::for_each_brick`].
     pub fn touches_cell(&self, corner: [i32; 3], shift: u32) -> bool {
-        let v = self.vertices.map(|p| p.map(i64::from));
-        let low = corner.map(|c| i64::from(c) * i64::from(SUBVOXELS) - i64::from(WIDEN));
+        let v = per_axis(|i| per_axis(|k| i64::from(self.vertices[i][k])));
+        let low = per_axis(|k| i64::from(corner[k]) * i64::from(SUBVOXELS) - i64::from(WIDEN));
         let size = (i64::from(SUBVOXELS) << shift) + 2 * i64::from(WIDEN);
         let outside = |k: usize| low[k] > i64::from(self.max[k]) || low[k] + size < i64::from(self.min[k]);
         if outside(0) || outside(1) || outside(2) {
             return false;
         }
-        let edge = |a: usize, b: usize| per_axis(|k| v[b][k] - v[a][k]);
-        let edges = [edge(0, 1), edge(1, 2), edge(2, 0)];
         for (a, b) in KEPT_AXES {
-            for (e, edge) in edges.iter().enumerate() {
-                let normal = [-edge[b], edge[a]];
-                let project = |p: &[i64; 3]| normal[0] * p[a] + normal[1] * p[b];
+            for e in 0..3 {
+                let (start, end, apex) = (v[e], v[(e + 1) % 3], v[(e + 2) % 3]);
+                let (normal_a, normal_b) = (start[b] - end[b], end[a] - start[a]);
+                let project = |p: [i64; 3]| normal_a * p[a] + normal_b * p[b];
                 // Both ends of the edge project to the same value.
-                let (on_edge, opposite) = (project(&v[e]), project(&v[(e + 2) % 3]));
-                let reach = |pick: fn(i64) -> i64| (pick(normal[0]) + pick(normal[1])) * size;
-                let at_low = project(&low);
-                if at_low + reach(|n| n.max(0)) < on_edge.min(opposite)
-                    || at_low + reach(|n| n.min(0)) > on_edge.max(opposite)
-                {
+                let (on_edge, opposite, at_low) = (project(start), project(apex), project(low));
+                let highest = at_low + (normal_a.max(0) + normal_b.max(0)) * size;
+                let lowest = at_low + (normal_a.min(0) + normal_b.min(0)) * size;
+                if highest < on_edge.min(opposite) || lowest > on_edge.max(opposite) {
                     return false;
                 }
             }
         }
-        let [p, q, _] = edges;
-        let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-        let at_low: i128 = (0..3).map(|k| i128::from(normal[k]) * i128::from(low[k] - v[0][k])).sum();
-        let reach = |pick: fn(i64) -> i64| {
-            normal.iter().map(|&n| i128::from(pick(n))).sum::<i128>() * i128::from(size)
-        };
-        at_low + reach(|n| n.max(0)) >= 0 && at_low + reach(|n| n.min(0)) <= 0
+        let p = per_axis(|k| v[1][k] - v[0][k]);
+        let q = per_axis(|k| v[2][k] - v[0][k]);
+        let [x, y, z] = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+        let product = |n: i64, k: usize| i128::from(n) * i128::from(low[k] - v[0][k]);
+        let at_low = product(x, 0) + product(y, 1) + product(z, 2);
+        let highest = at_low + i128::from(x.max(0) + y.max(0) + z.max(0)) * i128::from(size);
+        let lowest = at_low + i128::from(x.min(0) + y.min(0) + z.min(0)) * i128::from(size);
+        lowest <= 0 && highest >= 0
     }
 
     /// Calls `visit(corner, mask)` for the bricks that it touches within the cell of `2^shift` voxels (at least 4) at
@@ -156,8 +154,8 @@ impl TriangleOverlap {
     }
 }
 
-/// [`TriangleOverlap::for_each_brick`] for many triangles and one cell, one triangle after the other: faster where
-/// triangles are small, since the processor's SIMD level is chosen once.
+/// [`TriangleOverlap::for_each_brick`] for many triangles and one cell, one triangle after the other, with the processor's
+/// SIMD level ([`Level::new`]) chosen once: the entry for pipelines. The same bits come out on every level.
 pub fn for_each_brick_of(
     level: Level,
     triangles: impl IntoIterator<Item = SnappedTriangle>,
