@@ -16,9 +16,9 @@ use voxsight::import::{ImportOptions, import};
 use voxsight::model::Model;
 use voxsight::progress::Silent;
 use voxsight::sample::{PlantSettings, plant};
-use voxsight_voxel::grid::Grid;
 use voxsight_voxel::dag::owners::OwnersIndex;
 use voxsight_voxel::dag::{DagRef, OwnersRef};
+use voxsight_voxel::grid::Grid;
 use voxsight_voxel::voxelize::{Drawables, Settings, SnappedMesh, voxelize_into};
 
 /// Objects as drawables, straight from the model.
@@ -41,8 +41,7 @@ impl Drawables for Placed<'_> {
         let object = &self.model.objects[drawable as usize];
         let part = &self.model.parts[object.part as usize].mesh;
         let scale = DAffine3::from_scale(DVec3::splat(self.grid.voxel_size.recip()));
-        let grid_from_part =
-            scale * DAffine3::from_translation(-self.grid.origin) * object.world_from_part;
+        let grid_from_part = scale * DAffine3::from_translation(-self.grid.origin) * object.world_from_part;
         mesh.vertices.clear();
         mesh.vertices
             .extend(part.positions.iter().map(|&p| self.grid.snap(grid_from_part.transform_point3(p))));

@@ -88,3 +88,95 @@ fn put(counts: &mut [u32], height: u32, word: usize, count: u64, at: (usize, usi
         counts[low_length + word - high_from] = (count >> 32) as u32;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::dag::build::{DagTables, NodeDraft};
+    use crate::dag::node::slot;
+    use crate::dag::{Dag, DagRef, root_height};
+    use crate::raycast::{GridRay, Next};
+
+    /// A grid in which all nodes of a height are one: few words, as many bricks as the masks (height 1 first) say.
+    fn uniform(log2: u32, masks: &[u64]) -> Dag {
+        let mut tables = DagTables::new(root_height(log2));
+        let mut node = tables.intern_leaf(u64::MAX).unwrap();
+        for (table, &mask) in tables.heights.iter_mut().zip(masks) {
+            let mut draft = NodeDraft::default();
+            draft.begin(mask);
+            (0..mask.count_ones()).for_each(|_| draft.push(node));
+            node = table.intern(&draft).unwrap();
+        }
+        tables.finish(log2, Some(node)).unwrap()
+    }
+
+    /// Slots of the lower octant: the root of a grid of 2^17 covers twice the grid.
+    const OCTANT: u64 = 0x0033_0033;
+
+    #[test]
+    fn a_full_grid_of_2_to_the_17_has_2_to_the_45_bricks() {
+        let mut masks = [u64::MAX; 8];
+        masks[7] = OCTANT;
+        let dag = uniform(17, &masks);
+        let (view, statistics) = DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves).unwrap();
+        assert_eq!((statistics.bricks, statistics.voxels), (1 << 45, 1 << 51));
+        assert_eq!(view.brick_count(), 1 << 45);
+        assert_eq!(view.brick_at([(1 << 17) - 1; 3]), Some(((1 << 45) - 1, u64::MAX)));
+        assert_eq!(view.brick_mask((1 << 45) - 1), Some(u64::MAX));
+        assert_eq!(view.brick_mask(1 << 45), None);
+        assert!(dag.counts.iter().any(|&count| count == 1 << 10), "2^42 bricks below a child of the root");
+    }
+
+    #[test]
+    fn ordinals_beyond_32_bits_are_ranks_in_depth_first_order() {
+        let mut random = oorandom::Rand64::new(4);
+        let mut beyond = 0;
+        for round in 0..40 {
+            let mut masks = [0; 8].map(|_: u64| random.rand_u64() | random.rand_u64() | 1);
+            masks[7] &= OCTANT;
+            let dag = uniform(17, &masks);
+            let (view, statistics) =
+                DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves).unwrap();
+            let below: Vec<u64> = masks
+                .iter()
+                .scan(1, |bricks, mask| {
+                    Some(std::mem::replace(bricks, *bricks * u64::from(mask.count_ones())))
+                })
+                .collect();
+            assert_eq!(statistics.bricks, masks.iter().map(|m| u64::from(m.count_ones())).product::<u64>());
+            for _ in 0..200 {
+                let voxel = [0; 3].map(|_: i32| random.rand_range(0..1 << 17) as i32);
+                let slots: Vec<u32> = (1..=8).map(|h| slot(voxel, 2 * h)).collect();
+                let is_occupied = masks.iter().zip(&slots).all(|(mask, slot)| mask >> slot & 1 == 1);
+                let rank = |(mask, slot): (&u64, &u32)| u64::from((mask & ((1 << slot) - 1)).count_ones());
+                let ordinal: u64 = masks.iter().zip(&slots).map(rank).zip(&below).map(|(r, b)| r * b).sum();
+                let expected = is_occupied.then_some((ordinal, u64::MAX));
+                assert_eq!(view.brick_at(voxel), expected, "seed 4, round {round}, {voxel:?}");
+                if !is_occupied {
+                    continue;
+                }
+                beyond += u32::from(ordinal > u64::from(u32::MAX));
+                assert_eq!(view.brick_mask(ordinal), Some(u64::MAX));
+                let centre = glam::DVec3::from(voxel.map(|c| f64::from(c) + 0.5));
+                view.cast(&GridRay::new(centre, glam::DVec3::X), |hit| {
+                    assert_eq!(hit.brick_ordinal(), ordinal, "seed 4, round {round}, {voxel:?}");
+                    Next::End
+                });
+            }
+        }
+        assert!(beyond > 500, "too few ordinals beyond 32 bits to mean anything: {beyond}");
+    }
+
+    #[test]
+    fn a_changed_count_is_found_in_either_half() {
+        let masks = [u64::MAX, 7, 3, 1, u64::MAX, u64::MAX, 0x0101, OCTANT];
+        let dag = uniform(17, &masks);
+        for at in 0..dag.counts.len() {
+            for bit in 0..32 {
+                let mut counts = dag.counts.clone();
+                counts[at] ^= 1 << bit;
+                let found = DagRef::validate(&dag.shape, &dag.words, &counts, &dag.leaves);
+                assert!(found.is_err(), "count {at}, bit {bit}");
+            }
+        }
+    }
+}

@@ -49,6 +49,11 @@ impl<'a> Joiner<'a> {
         self.tables.bytes() + 16 * self.directory.len() as u64
     }
 
+    /// Words that went to the sink.
+    pub fn owner_words(&self) -> u64 {
+        self.owner_words
+    }
+
     /// The DAG, and the directory of the owner pages.
     pub fn finish(mut self, log2: u32) -> Result<(Dag, Vec<[u64; 2]>), DagError> {
         let root = self.upper.finish(&mut self.tables)?;

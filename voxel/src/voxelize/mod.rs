@@ -150,6 +150,8 @@ pub struct Streamed {
     pub dag: Dag,
     /// First ordinal and first word of each owner page: [`OwnerTable::directory`].
     pub owner_directory: Vec<[u64; 2]>,
+    /// Words of all owner pages.
+    pub owner_words: u64,
     /// What it took.
     pub cost: Cost,
 }
@@ -207,8 +209,9 @@ pub fn voxelize_into(
     let (_, join, result) = run_in_order(tasks, &build, join, window);
     result?;
     let Join { joiner, cost, .. } = join;
+    let owner_words = joiner.owner_words();
     let (dag, owner_directory) = joiner.finish(grid.log2)?;
-    Ok(Streamed { dag, owner_directory, cost })
+    Ok(Streamed { dag, owner_directory, owner_words, cost })
 }
 
 /// Visits all cells from `first` to `last`, both included, x fastest.

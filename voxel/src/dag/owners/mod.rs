@@ -15,6 +15,8 @@ mod bits;
 mod build;
 mod elias_fano;
 mod page;
+#[cfg(test)]
+mod tests;
 mod validate;
 
 pub(crate) use build::OwnerBuilder;
