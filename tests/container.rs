@@ -398,9 +398,9 @@ fn version_2_stays_version_2() {
 }
 
 /// Of the file that `version_2_stays_version_2` writes. A change here is a new [`VERSION`].
-const GOLDEN_HEADER: &str = "564f585349474854010000000e000000e0090000000000004a5afba432c62eef\
+const GOLDEN_HEADER: &str = "564f585349474854020000000e000000200a00000000000020a7186b992ab8a3\
     0000000000000000000000000000000000000000000000000000000000000000";
-const GOLDEN_FILE: &str = "78af7991c9454a51";
+const GOLDEN_FILE: &str = "34c527f918891ae6";
 
 #[test]
 fn every_truncation_is_refused() {
@@ -785,7 +785,8 @@ fn forged_owners_are_refused_or_own_the_voxels_of_their_brick_and_no_others() {
         "the parts of an owner page lie in it",
         "an owner page has a start for each run",
         "an owner is a drawable, and owners of a set rise",
-        "owner runs rise and lie within their page",
+        "an owner run names an entry of its page's palette",
+        "owner codes rise and lie in their page",
         "a masked owner run is one brick with several owners",
         "an owner code is as long as its brick's voxels ask for",
     ] {

@@ -76,8 +76,8 @@ fn every_voxel_knows_exactly_its_owners() {
 
 #[test]
 fn tasks_blocks_and_memory_do_not_change_a_bit() {
-    for (seed, log2) in [(4, 9), (5, 10), (6, 11)] {
-        let soup = random_soup(seed, log2, 60);
+    for (seed, log2) in [(4, 9), (5, 10)] {
+        let soup = random_soup(seed, log2, 40);
         let expected = voxelize(&unit_grid(log2), &soup).unwrap();
         let mut tasks = Vec::new();
         for (task_triangles, task_bricks, block_height, memory) in [
