@@ -54,7 +54,7 @@ pub struct BuildSettings {
     pub metres_per_unit: f64,
     /// The model's up axis, recorded.
     pub up: Axis,
-    /// Stop with an error rather than hold more resident memory than this, bytes.
+    /// Plan to hold no more resident memory than this, bytes, and stop with an error rather than hold more.
     pub memory: Option<u64>,
 }
 

@@ -69,9 +69,9 @@ impl SnappedBox {
         let (first, others) = vertices.split_first()?;
         let mut bounds = SnappedBox { min: *first, max: *first };
         for vertex in others {
-            for k in 0..3 {
-                bounds.min[k] = bounds.min[k].min(vertex[k]);
-                bounds.max[k] = bounds.max[k].max(vertex[k]);
+            for ((min, max), &c) in bounds.min.iter_mut().zip(&mut bounds.max).zip(vertex) {
+                *min = c.min(*min);
+                *max = c.max(*max);
             }
         }
         Some(bounds)

@@ -30,8 +30,11 @@ use task::{SubDag, TaskBuilder};
 use crate::dag::{Dag, DagError, OwnerTable, root_height};
 use crate::grid::Grid;
 
-/// Tasks, for each thread, that may be begun and not joined.
-const WINDOW_PER_THREAD: usize = 4;
+/// Tasks, for each thread, that may be begun and not joined. Many, so that threads go on while one dense task takes long:
+/// bytes are what bounds them.
+const WINDOW_PER_THREAD: usize = 32;
+/// Bytes that tasks begun and not joined may come to, however much memory there is.
+const WINDOW_BYTES: u64 = 1 << 28;
 
 /// A triangle's corners, snapped to 1/256 voxel ([`Grid::snap`]).
 pub type SnappedTriangle = [[i32; 3]; 3];
@@ -272,6 +275,7 @@ impl Take<SubDag, VoxelizeError> for Join<'_> {
     }
 
     fn allowance(&self) -> u64 {
-        self.memory.map_or(u64::MAX, |limit| limit.saturating_sub(self.joiner.bytes()))
+        let left = self.memory.map_or(u64::MAX, |limit| limit.saturating_sub(self.joiner.bytes()));
+        left.min(WINDOW_BYTES)
     }
 }

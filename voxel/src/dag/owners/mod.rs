@@ -8,8 +8,9 @@
 //!
 //! The masks of a brick's owners are stored relative to the brick's own mask, which the DAG knows: lookups take it.
 //!
-//! Bytes a brick, against a list of (start, value) u32 pairs and (drawable, mask) u64 pairs, measured:
-//! see `benches/voxelize.rs`.
+//! Measured (`benches/voxelize.rs`), bytes a brick, against plain lists of (start, value) u32 pairs and (drawable, mask) u64
+//! pairs: plant of 12 M triangles at 8192^3 0.76 against 3.78, LEGO Falcon at 4096^3 1.32 against 9.43, Huldra plant
+//! at 8192^3 0.39 against 1.99. The finer the grid, the fewer: 0.23 for plant and Falcon at 32,768^3.
 
 mod bits;
 mod build;
@@ -53,7 +54,7 @@ impl OwnersIndex {
         // About a span for each page.
         let per_page = bricks / (directory.len() as u64).max(1);
         let shift = bits::width_of(per_page).saturating_sub(1);
-        let spans = if bricks == 0 { 0 } else { (bricks - 1 >> shift) + 1 };
+        let spans = if bricks == 0 { 0 } else { ((bricks - 1) >> shift) + 1 };
         let mut page = 0usize;
         let page_of_span = (0..spans).map(|span| {
             while directory.get(page + 1).is_some_and(|&[first, _]| first <= span << shift) {
