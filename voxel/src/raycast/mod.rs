@@ -105,14 +105,19 @@ impl VoxelHit<'_> {
     }
 
     /// Ordinal of its brick in depth-first order, for [`crate::dag::OwnersRef::of_brick`].
-    pub fn brick_ordinal(&self) -> u32 {
+    pub fn brick_ordinal(&self) -> u64 {
         (1..=self.dag.height)
             .map(|height| {
-                let node = self.nodes[height as usize];
-                let word = child_word(mask_at(self.dag.words, node), node, slot(self.voxel, 2 * height));
-                self.dag.counts[word]
+                self.dag.bricks_before(height, self.nodes[height as usize], slot(self.voxel, 2 * height))
             })
             .sum()
+    }
+
+    /// Mask of the occupied voxels of its brick, for [`crate::dag::OwnersRef::of_brick`].
+    pub fn brick_mask(&self) -> u64 {
+        let node = self.nodes[1];
+        let word = child_word(mask_at(self.dag.words, node), node, slot(self.voxel, 2));
+        self.dag.leaves[self.dag.words[word] as usize]
     }
 }
 
