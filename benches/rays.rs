@@ -216,7 +216,7 @@ fn bounced(dag: &DagRef, camera: &Pinhole) -> Vec<GridRay> {
                 let p = glam::DVec3::new(random.rand_float(), random.rand_float(), random.rand_float()) * 2.0
                     - 1.0;
                 if p.length_squared() <= 1.0 && p != glam::DVec3::ZERO {
-                    break p.normalize();
+                    break p.normalize_or_zero();
                 }
             };
             rays.push(GridRay::new(point + 1.5 * normal, normal * 1.001 + on_sphere));

@@ -29,11 +29,11 @@ pub struct View {
 
 impl Pinhole {
     fn new(grid: Grid, eye: DVec3, target: DVec3, size: usize) -> Self {
-        let forward = (target - eye).normalize();
+        let forward = (target - eye).normalize_or_zero();
         let up = if forward.z.abs() > 0.99 { DVec3::Y } else { DVec3::Z };
         let reach = 30f64.to_radians().tan();
-        let right = forward.cross(up).normalize() * reach;
-        let down = forward.cross(right).normalize() * reach;
+        let right = forward.cross(up).normalize_or_zero() * reach;
+        let down = forward.cross(right).normalize_or_zero() * reach;
         Pinhole {
             eye,
             corner: forward - right - down,
@@ -83,7 +83,7 @@ pub fn views(scene: &Scene, size: usize) -> Vec<View> {
     // In the open, as near the middle as may be, at the height where people stand.
     let inside = free_place(&grid, &dag, centre - DVec3::Z * 0.2 * extent.z, extent);
     let along = free_place(&grid, &dag, centre - (0.42 * long + 0.25 * DVec3::Z) * extent, extent);
-    let towards = (centre - outside).normalize();
+    let towards = (centre - outside).normalize_or_zero();
     let ray = GridRay::new(grid.grid_from_world(outside), towards);
     let hit = dag
         .first_hit(&ray)

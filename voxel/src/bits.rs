@@ -58,7 +58,7 @@ pub(crate) fn mirror_without_branches(mask: u64, flip: u32) -> u64 {
 /// What to XOR a cell's index with to mirror it along the axes of `flip`.
 #[inline(always)]
 pub(crate) fn mirror_slot(flip: u32) -> u32 {
-    (flip & 1) * 0b11 | (flip >> 1 & 1) * 0b1100 | (flip >> 2 & 1) * 0b11_0000
+    ((flip & 1) * 0b11) | ((flip >> 1 & 1) * 0b1100) | ((flip >> 2 & 1) * 0b11_0000)
 }
 
 /// The positions of the set bits, rising.

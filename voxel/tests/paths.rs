@@ -1,5 +1,7 @@
 //! Every path of the ray caster gives the voxels of the scalar reference, in its order, for every ray.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{random_ray, random_soup_within, unit_grid};
@@ -29,7 +31,7 @@ fn next(voxel: [i32; 3], end_after: u32) -> Next {
 fn reference(dag: &DagRef, ray: &GridRay, footprint: Footprint, end_after: u32) -> Met {
     let mut met = Vec::new();
     dag.cast_footprint(ray, footprint, |hit| {
-        met.push((hit.voxel, hit.whole_brick, hit.t().to_bits(), hit.brick_ordinal().into()));
+        met.push((hit.voxel, hit.whole_brick, hit.t().to_bits(), hit.brick_ordinal()));
         next(hit.voxel, end_after)
     });
     met
@@ -82,7 +84,7 @@ fn all_paths_meet_what_the_reference_meets() {
                 for (ray, expected) in packet_rays.iter().zip(&expected) {
                     let mut met = Vec::new();
                     caster.cast(ray, |hit| {
-                        met.push((hit.voxel, hit.whole_brick, hit.t().to_bits(), hit.brick_ordinal().into()));
+                        met.push((hit.voxel, hit.whole_brick, hit.t().to_bits(), hit.brick_ordinal()));
                         next(hit.voxel, end_after)
                     });
                     assert_eq!(&met, expected, "one ray, {}: {ray:?}", place());
@@ -95,7 +97,7 @@ fn all_paths_meet_what_the_reference_meets() {
                         hit.voxel,
                         hit.whole_brick,
                         hit.t().to_bits(),
-                        hit.brick_ordinal().into(),
+                        hit.brick_ordinal(),
                     ));
                     next(hit.voxel, end_after)
                 });
@@ -105,7 +107,7 @@ fn all_paths_meet_what_the_reference_meets() {
                         hit.voxel,
                         hit.whole_brick,
                         hit.t().to_bits(),
-                        hit.brick_ordinal().into(),
+                        hit.brick_ordinal(),
                     ));
                     next(hit.voxel, end_after)
                 });

@@ -1,4 +1,5 @@
 //! The rays of a packet side by side in f32, tested together against cells.
+#![allow(clippy::needless_range_loop, reason = "lanes and axes of several arrays at once")]
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16, f64x8};
@@ -143,8 +144,8 @@ impl Lanes {
             let (mut t_min, mut t_max) = (load(simd, &self.t_min, start), load(simd, &self.t_max, start));
             if SURE {
                 const SLACK: f32 = 1.0 / (1 << 20) as f32;
-                t_min = t_min * f32x16::splat(simd, 1.0 + SLACK);
-                t_max = t_max * f32x16::splat(simd, 1.0 - SLACK);
+                t_min *= f32x16::splat(simd, 1.0 + SLACK);
+                t_max *= f32x16::splat(simd, 1.0 - SLACK);
             }
             let t_in = x.0.max(y.0).max(z.0.max(t_min));
             let t_out = x.1.min(y.1).min(z.1.min(t_max));

@@ -1,4 +1,5 @@
 //! A ray of grid space, and its crossing of planes and cells in f64.
+#![allow(clippy::needless_range_loop, reason = "lanes and axes of several arrays at once")]
 
 use glam::DVec3;
 

@@ -1,7 +1,7 @@
 //! Which drawables touch each brick, and which of its voxels: every voxel knows all its owners exactly.
 //!
 //! Bricks are numbered in depth-first order. Neighbouring ordinals mostly share one owner, so that ordinals are stored
-//! as *runs*, up to 256 of them a [`page`]. A page stands alone: where its runs start, its own palette of
+//! as *runs*, up to 256 of them a page. A page stands alone: where its runs start, its own palette of
 //! drawables and sets of drawables (neighbouring runs alternate between few), and, for bricks whose owners own different voxels,
 //! who owns which. A directory of two words a page, first ordinal and first word, finds the page of an ordinal. Pages
 //! end where a cell of 256^3 voxels ends, so that cells are packed in parallel and joined by copying.
