@@ -93,22 +93,12 @@ fn all_paths_meet_what_the_reference_meets() {
                 assert_eq!(packet.fill(packet_rays.iter().copied()), packet_rays.len());
                 let mut met = vec![Vec::new(); packet_rays.len()];
                 caster.cast_packet(&mut packet, |ray, hit| {
-                    met[ray].push((
-                        hit.voxel,
-                        hit.whole_brick,
-                        hit.t().to_bits(),
-                        hit.brick_ordinal(),
-                    ));
+                    met[ray].push((hit.voxel, hit.whole_brick, hit.t().to_bits(), hit.brick_ordinal()));
                     next(hit.voxel, end_after)
                 });
                 let mut in_batch = vec![Vec::new(); packet_rays.len()];
                 caster.cast_batch(&packet_rays, |ray, hit| {
-                    in_batch[ray].push((
-                        hit.voxel,
-                        hit.whole_brick,
-                        hit.t().to_bits(),
-                        hit.brick_ordinal(),
-                    ));
+                    in_batch[ray].push((hit.voxel, hit.whole_brick, hit.t().to_bits(), hit.brick_ordinal()));
                     next(hit.voxel, end_after)
                 });
                 assert_eq!(in_batch, expected, "batch, {}", place());
