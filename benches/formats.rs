@@ -243,6 +243,11 @@ fn run(options: &Options, name: &str, path: &Path) {
         );
     }
     println!("\nThe library's scalar reference: {:.2} Mrays/s.", median(rates.pop().unwrap()));
+    println!(
+        "Beside the format: {} bytes of brick counts, {} bytes of owners.",
+        size_of_val(container.dag_counts()),
+        size_of_val(container.owner_runs()) + size_of_val(container.owner_lists())
+    );
 }
 
 /// First hits of all contenders, equal to the library's. Returns the hits.
