@@ -44,7 +44,7 @@ fn set_bits(mask: u64) -> impl Iterator<Item = u32> {
 /// What to XOR a slot with to mirror it along the axes of `flip`, where a side has 2^WIDTH slots.
 #[inline(always)]
 pub fn mirror_slot<const WIDTH: u32>(flip: u32) -> u32 {
-    if WIDTH == 1 { flip } else { (flip & 1) * 3 | (flip & 2) * 6 | (flip & 4) * 12 }
+    if WIDTH == 1 { flip } else { (flip & 1) * 3 + (flip & 2) * 6 + (flip & 4) * 12 }
 }
 
 /// Mirrors a mask by moving every bit.
