@@ -95,7 +95,7 @@ impl Walk {
             let everywhere = if within { f64::INFINITY } else { f64::NEG_INFINITY };
             t_in = larger(t_in, if parallel { -everywhere } else { smaller(a, b) });
             t_out = smaller(t_out, if parallel { everywhere } else { larger(a, b) });
-            finite &= origin[k].abs() < f64::INFINITY;
+            finite &= origin[k].abs() < f64::INFINITY && given[k].abs() < f64::INFINITY;
         }
         let inside = finite && t_in <= t_out && t_in.abs() < f64::INFINITY;
         for k in 0..3 {
