@@ -116,6 +116,7 @@ fn run(options: &Options, path: &Path) {
         .filter(|view| options.views.as_ref().is_none_or(|names| names.iter().any(|n| n == view.name)));
     let mut columns: Vec<Column> = Vec::new();
     let mut names = Vec::new();
+    let (mut incoherent, mut incoherent_names): (Vec<Column>, Vec<String>) = Default::default();
     let one_core = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let all_cores = rayon::ThreadPoolBuilder::new().build().unwrap();
     for view in views {
@@ -149,8 +150,102 @@ fn run(options: &Options, path: &Path) {
             time("obvhs CWBVH".into(), &one_core, &|| rivals.cwbvh(&scene, camera));
             time("obvhs BVH2".into(), &one_core, &|| rivals.bvh2(&scene, camera));
         }
+
+        // From the hits, over the hemisphere: does anything lie in the way?
+        let bounced = bounced(&dag, camera);
+        if bounced.len() < 10_000 {
+            continue;
+        }
+        check_batch(&dag, &bounced);
+        let mut column = 0;
+        incoherent_names.push(format!("{} ({} rays)", view.name, bounced.len()));
+        let mut time = |name: String, work: &(dyn Fn() -> u64 + Sync)| {
+            let seconds = one_core.install(|| median_seconds(options.runs, work));
+            if incoherent.len() == column {
+                incoherent.push(Column { name, rates: Vec::new() });
+            }
+            incoherent[column].rates.push(bounced.len() as f64 / seconds / 1e6);
+            column += 1;
+        };
+        time("scalar".into(), &|| bounced.iter().filter(|ray| dag.any_hit(ray)).count() as u64);
+        for instructions in Instructions::available() {
+            let caster = RayCaster::new(dag).with_instructions(instructions);
+            time(format!("one ray {instructions:?}"), &|| {
+                let mut hits = 0;
+                for ray in &bounced {
+                    caster.cast(ray, |_| {
+                        hits += 1;
+                        Next::End
+                    });
+                }
+                hits
+            });
+            time(format!("batch {instructions:?}"), &|| {
+                let mut hits = 0;
+                caster.cast_batch(&bounced, |_, _| {
+                    hits += 1;
+                    Next::End
+                });
+                hits
+            });
+        }
+        if let Some(rivals) = &rivals {
+            time("obvhs CWBVH".into(), &|| rivals.cwbvh_any(&scene, &bounced));
+        }
     }
     print_table(&names, &columns);
+    if !incoherent.is_empty() {
+        println!("any hit, cosine-weighted from the hits of the view:");
+        print_table(&incoherent_names, &incoherent);
+    }
+}
+
+/// A ray from before each hit, over the hemisphere of the entered face.
+fn bounced(dag: &DagRef, camera: &Pinhole) -> Vec<GridRay> {
+    let mut random = oorandom::Rand64::new(9);
+    let mut rays = Vec::new();
+    for tile in camera.tiles() {
+        for ray in camera.grid_rays(tile) {
+            let Some((voxel, t)) = dag.first_hit(&ray) else { continue };
+            let point = ray.origin + t * ray.direction;
+            let inside = point - voxel.as_vec();
+            let axis = (0..3).max_by(|&a, &b| ((inside[a] - 0.5).abs()).total_cmp(&(inside[b] - 0.5).abs()));
+            let mut normal = glam::DVec3::ZERO;
+            normal[axis.unwrap()] = -ray.direction[axis.unwrap()].signum();
+            let on_sphere = loop {
+                let p = glam::DVec3::new(random.rand_float(), random.rand_float(), random.rand_float()) * 2.0
+                    - 1.0;
+                if p.length_squared() <= 1.0 && p != glam::DVec3::ZERO {
+                    break p.normalize();
+                }
+            };
+            rays.push(GridRay::new(point + 1.5 * normal, normal * 1.001 + on_sphere));
+        }
+    }
+    rays
+}
+
+trait AsVec {
+    fn as_vec(&self) -> glam::DVec3;
+}
+
+impl AsVec for [i32; 3] {
+    fn as_vec(&self) -> glam::DVec3 {
+        glam::DVec3::from(self.map(f64::from))
+    }
+}
+
+/// Batches of every instruction set find what the reference finds.
+fn check_batch(dag: &DagRef, rays: &[GridRay]) {
+    let expected: Vec<_> = rays.par_iter().map(|ray| dag.first_hit(ray).map(|(voxel, _)| voxel)).collect();
+    for instructions in Instructions::available() {
+        let mut found = vec![None; rays.len()];
+        RayCaster::new(*dag).with_instructions(instructions).cast_batch(rays, |ray, hit| {
+            found[ray] = Some(hit.voxel);
+            Next::End
+        });
+        assert_eq!(found, expected, "a batch differs from the reference ({instructions:?})");
+    }
 }
 
 fn print_table(names: &[String], columns: &[Column]) {

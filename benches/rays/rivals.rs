@@ -12,6 +12,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 use voxsight::scene::Scene;
+use voxsight_voxel::raycast::GridRay;
 
 use super::views::Pinhole;
 
@@ -58,6 +59,18 @@ impl Rivals {
             bvh.ray_traverse(ray, &mut hit, |ray, id| triangles[id].intersect(ray));
             u64::from(hit.primitive_id)
         })
+    }
+
+    /// How many rays of grid space hit anything, by CWBVH.
+    pub fn cwbvh_any(&self, scene: &Scene, rays: &[GridRay]) -> u64 {
+        let (bvh, triangles) = &self.cwbvh;
+        let size = scene.grid().voxel_size;
+        let is_hit = |ray: &&GridRay| {
+            let (origin, direction) = ((ray.origin * size).as_vec3a(), (ray.direction * size).as_vec3a());
+            let ray = Ray::new(origin, direction, 0.0, f32::INFINITY);
+            !bvh.ray_traverse_miss(ray, |ray, id| triangles[id].intersect(ray))
+        };
+        rays.iter().filter(is_hit).count() as u64
     }
 
     /// The same by BVH2.

@@ -41,7 +41,7 @@ pub struct Build {
     /// Make no coarser levels of detail
     #[arg(long)]
     no_lod: bool,
-    /// Stop with an error rather than hold more memory than this, such as 4G
+    /// Hold no more memory than this, such as 4G; when the result itself is larger, stop with an error
     #[arg(long, value_parser = parse_bytes, value_name = "BYTES")]
     memory: Option<u64>,
     /// Write the build report (repairs, sizes, time and memory of each stage) to a JSON file

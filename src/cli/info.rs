@@ -126,8 +126,8 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
     )?;
     let dag_bytes =
         container.section_length(SectionKind::DagNodes) + container.section_length(SectionKind::DagLeaves);
-    let owners =
-        container.section_length(SectionKind::OwnerRuns) + container.section_length(SectionKind::OwnerLists);
+    let owners = container.section_length(SectionKind::OwnerDirectory)
+        + container.section_length(SectionKind::OwnerPages);
     print_out!(
         "voxels      {}^3 of {:.6} {unit}: {} occupied in {} bricks",
         meta.settings.resolution,

@@ -26,7 +26,7 @@ compile_error!("a container is mapped into memory as it is, little endian; this 
 /// First eight bytes of every container.
 pub const MAGIC: [u8; 8] = *b"VOXSIGHT";
 /// Version written and read by this code. Any other is refused.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Sections start at multiples of this many bytes from the start of the file. Geometry pages are not aligned: they
 /// are decoded, never read in place, and half a cache line lost per page would be a byte a triangle for small parts.
 pub const SECTION_ALIGNMENT: u64 = 64;
@@ -75,12 +75,12 @@ pub enum SectionKind {
     DagNodes = 9,
     /// u64 masks of the DAG's leaf bricks.
     DagLeaves = 10,
-    /// u32 leaf-brick counts beside the DAG's child slots.
+    /// u32 leaf-brick counts beside the words of the DAG's nodes above height 1.
     DagCounts = 11,
-    /// Owner runs over brick ordinals.
-    OwnerRuns = 12,
-    /// Owner lists of bricks with several owners.
-    OwnerLists = 13,
+    /// First brick ordinal and first word of each owner page, u64 each (`voxsight_voxel::dag::owners`).
+    OwnerDirectory = 12,
+    /// u64 words of the owner pages.
+    OwnerPages = 13,
     /// JSON: what the build repaired and counted ([`crate::report::Findings`] and statistics). No times: the same
     /// input and settings give the same bytes.
     Report = 14,
@@ -100,8 +100,8 @@ impl SectionKind {
         SectionKind::DagNodes,
         SectionKind::DagLeaves,
         SectionKind::DagCounts,
-        SectionKind::OwnerRuns,
-        SectionKind::OwnerLists,
+        SectionKind::OwnerDirectory,
+        SectionKind::OwnerPages,
         SectionKind::Report,
     ];
 
@@ -119,8 +119,8 @@ impl SectionKind {
             SectionKind::DagNodes => "dag nodes",
             SectionKind::DagLeaves => "dag leaves",
             SectionKind::DagCounts => "dag counts",
-            SectionKind::OwnerRuns => "owner runs",
-            SectionKind::OwnerLists => "owner lists",
+            SectionKind::OwnerDirectory => "owner directory",
+            SectionKind::OwnerPages => "owner pages",
             SectionKind::Report => "report",
         }
     }
@@ -134,8 +134,9 @@ impl SectionKind {
             SectionKind::Objects => size_of::<ObjectRecord>(),
             SectionKind::Chunks => size_of::<ChunkRecord>(),
             SectionKind::Levels => size_of::<LevelRecord>(),
-            SectionKind::DagNodes | SectionKind::DagCounts | SectionKind::OwnerRuns => size_of::<u32>(),
-            SectionKind::DagLeaves | SectionKind::OwnerLists => size_of::<u64>(),
+            SectionKind::DagNodes | SectionKind::DagCounts => size_of::<u32>(),
+            SectionKind::OwnerDirectory => size_of::<[u64; 2]>(),
+            SectionKind::DagLeaves | SectionKind::OwnerPages => size_of::<u64>(),
         }
     }
 

@@ -88,8 +88,8 @@ impl Container {
             nodes: self.dag_nodes(),
             counts: self.dag_counts(),
             leaves: self.dag_leaves(),
-            owner_runs: self.owner_runs(),
-            owner_lists: self.owner_lists(),
+            owner_directory: self.owner_directory(),
+            owner_pages: self.owner_pages(),
         };
         sections.check(&self.meta).map_err(|damage| self.place(damage).into())
     }
@@ -165,7 +165,7 @@ impl Container {
 
     /// Who occupies them: drawables.
     pub fn owners(&self) -> OwnersRef<'_> {
-        OwnersRef::new(self.owner_runs(), self.owner_lists(), &self.owners_index)
+        OwnersRef::new(self.owner_directory(), self.owner_pages(), &self.owners_index)
     }
 
     /// Words of the DAG's nodes.
@@ -178,19 +178,19 @@ impl Container {
         self.records(SectionKind::DagLeaves)
     }
 
-    /// Leaf-brick counts beside the DAG's child slots.
+    /// Leaf-brick counts beside the words of the DAG's nodes above height 1.
     pub fn dag_counts(&self) -> &[u32] {
         self.records(SectionKind::DagCounts)
     }
 
-    /// Owner runs over brick ordinals.
-    pub fn owner_runs(&self) -> &[u32] {
-        self.records(SectionKind::OwnerRuns)
+    /// First brick ordinal and first word of each owner page.
+    pub fn owner_directory(&self) -> &[[u64; 2]] {
+        self.records(SectionKind::OwnerDirectory)
     }
 
-    /// Owner lists of bricks with several owners.
-    pub fn owner_lists(&self) -> &[u64] {
-        self.records(SectionKind::OwnerLists)
+    /// Words of the owner pages.
+    pub fn owner_pages(&self) -> &[u64] {
+        self.records(SectionKind::OwnerPages)
     }
 
     /// The text that a record of this container refers to.

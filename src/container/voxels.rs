@@ -13,8 +13,8 @@ pub(super) struct VoxelSections<'a> {
     pub nodes: &'a [u32],
     pub counts: &'a [u32],
     pub leaves: &'a [u64],
-    pub owner_runs: &'a [u32],
-    pub owner_lists: &'a [u64],
+    pub owner_directory: &'a [[u64; 2]],
+    pub owner_pages: &'a [u64],
 }
 
 impl VoxelSections<'_> {
@@ -29,15 +29,15 @@ impl VoxelSections<'_> {
         }
         // Checked against the sections before, and below 2^27.
         let drawables = meta.counts.drawables as u32;
-        OwnersIndex::validate(self.owner_runs, self.owner_lists, dag.brick_count(), drawables)
-            .map_err(|error| damage(SectionKind::OwnerRuns, error))
+        OwnersIndex::validate(self.owner_directory, self.owner_pages, dag.brick_count(), drawables)
+            .map_err(|error| damage(SectionKind::OwnerPages, error))
     }
 }
 
-/// Checks that the owners of each brick own its voxels and no others. Walks all bricks, at most 2^32 - 1.
+/// Checks that owners and voxels agree, in time bounded by the bytes of the owner pages.
 pub(super) fn check_owner_masks(container: &Container) -> Result<(), ContainerError> {
     let checked = container.owners().check_masks(&container.dag());
-    checked.map_err(|error| ContainerError::new(container.path(), damage(SectionKind::OwnerLists, error)))
+    checked.map_err(|error| ContainerError::new(container.path(), damage(SectionKind::OwnerPages, error)))
 }
 
 fn damage(kind: SectionKind, error: DagError) -> Damage {

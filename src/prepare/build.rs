@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use serde_json::json;
 use voxsight_voxel::dag::{DagError, DagRef, DagStatistics};
 use voxsight_voxel::grid::{Grid, GridError};
-use voxsight_voxel::voxelize::{Voxelized, voxelize};
+use voxsight_voxel::voxelize::{Settings as VoxelSettings, Streamed, VoxelizeError, voxelize_into};
 
 use super::localise::localise;
 use super::memory::{MemoryError, MemoryGuard};
 use super::part::{PartSettings, PrepareError, prepare_part};
 use super::resources::{StageCost, Stopwatch};
-use super::voxels::{ChunkGeometry, SceneDrawables};
+use super::voxels::{ChunkGeometry, OwnerSection, SceneDrawables};
 use crate::container::layout::{ObjectRecord, SectionKind};
 use crate::container::{
     Axis, BuildReport, ContainerError, ContainerWriter, DagMeta, Damage, EncodedPart, Generator,
@@ -54,7 +54,7 @@ pub struct BuildSettings {
     pub metres_per_unit: f64,
     /// The model's up axis, recorded.
     pub up: Axis,
-    /// Stop with an error rather than hold more resident memory than this, bytes.
+    /// Plan to hold no more resident memory than this, bytes, and stop with an error rather than hold more.
     pub memory: Option<u64>,
 }
 
@@ -105,7 +105,10 @@ pub enum BuildError {
     Grid(#[from] GridError),
     /// No DAG for this grid.
     #[error(transparent)]
-    Dag(DagError),
+    Dag(#[from] DagError),
+    /// The voxels do not fit, or cannot be stored.
+    #[error(transparent)]
+    Voxels(VoxelizeError),
     /// The file cannot be written.
     #[error(transparent)]
     Container(#[from] ContainerError),
@@ -149,7 +152,8 @@ pub fn build(
     records.write(&mut writer)?;
     stopwatch.lap("tree");
 
-    let (grid, voxels, statistics) = voxelize_scene(&records, &chunks, settings, &guard)?;
+    let (grid, voxels, statistics) = voxelize_scene(&records, &chunks, settings, &mut writer, &guard)?;
+    drop(chunks);
     stopwatch.lap("voxels");
 
     let is_tiny = |o: &&ObjectRecord| (0..3).all(|k| o.max[k] - o.min[k] < grid.voxel_size);
@@ -241,8 +245,9 @@ fn voxelize_scene(
     records: &SceneRecords,
     chunks: &[ChunkGeometry],
     settings: &BuildSettings,
+    writer: &mut ContainerWriter,
     guard: &MemoryGuard,
-) -> Result<(Grid, Voxelized, DagStatistics), BuildError> {
+) -> Result<(Grid, Streamed, DagStatistics), BuildError> {
     let bounds = records.bounds().ok_or(BuildError::Empty)?;
     let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
     let grid = match settings.resolution {
@@ -256,23 +261,27 @@ fn voxelize_scene(
     });
     guard.stage("voxels", records.counts().placed_triangles, "triangles");
     let drawables = SceneDrawables { grid, placed: placed.collect(), chunks, progress: guard };
-    let voxels = voxelize(&grid, &drawables).map_err(|error| match error {
-        DagError::Cancelled => still_wanted(guard).err().unwrap_or(BuildError::Cancelled),
-        other => BuildError::Dag(other),
+    let settings = VoxelSettings { memory: guard.left_for_voxels(), ..VoxelSettings::default() };
+    // Owners go to the file as they come: they may be more than memory holds.
+    let mut section = OwnerSection(writer.begin_section(SectionKind::OwnerPages)?);
+    let voxels = voxelize_into(&grid, &drawables, &settings, &mut section).map_err(|error| match error {
+        VoxelizeError::Cancelled => still_wanted(guard).err().unwrap_or(BuildError::Cancelled),
+        other => BuildError::Voxels(other),
     })?;
+    section.0.end()?;
+    still_wanted(guard)?;
     // Our own output goes through the same checks as a stranger's file.
     let dag = &voxels.dag;
-    let (_, statistics) =
-        DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves).map_err(BuildError::Dag)?;
+    let (_, statistics) = DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves)?;
     Ok((grid, voxels, statistics))
 }
 
-fn write_voxels(writer: &mut ContainerWriter, voxels: &Voxelized) -> Result<(), ContainerError> {
+/// All voxel sections but the owner pages, which were written as they came.
+fn write_voxels(writer: &mut ContainerWriter, voxels: &Streamed) -> Result<(), ContainerError> {
     writer.write_section(SectionKind::DagNodes, &voxels.dag.words)?;
     writer.write_section(SectionKind::DagLeaves, &voxels.dag.leaves)?;
     writer.write_section(SectionKind::DagCounts, &voxels.dag.counts)?;
-    writer.write_section(SectionKind::OwnerRuns, &voxels.owners.runs)?;
-    writer.write_section(SectionKind::OwnerLists, &voxels.owners.lists)
+    writer.write_section(SectionKind::OwnerDirectory, &voxels.owner_directory)
 }
 
 fn meta(
@@ -280,7 +289,7 @@ fn meta(
     sources: Vec<Source>,
     settings: &BuildSettings,
     grid: &Grid,
-    voxels: &Voxelized,
+    voxels: &Streamed,
     statistics: &DagStatistics,
 ) -> Result<Meta, BuildError> {
     Ok(Meta {
@@ -308,10 +317,11 @@ fn meta(
 
 fn report_statistics(
     records: &SceneRecords,
-    voxels: &Voxelized,
+    voxels: &Streamed,
     statistics: &DagStatistics,
 ) -> serde_json::Map<String, serde_json::Value> {
-    let owner_bytes = 4 * voxels.owners.runs.len() as u64 + 8 * voxels.owners.lists.len() as u64;
+    let owner_bytes = 16 * voxels.owner_directory.len() as u64 + 8 * voxels.owner_words;
+    let per_brick = owner_bytes as f64 / statistics.bricks.max(1) as f64;
     let steps = records.objects().iter().map(|object| {
         let step = records.parts()[object.part as usize].step.into_iter().fold(0.0, f32::max);
         f64::from(step) * coordinate_gain(&DAffine3::from_cols_array(&object.world_from_part))
@@ -327,6 +337,7 @@ fn report_statistics(
             json!(8.0 * statistics.traversal_bytes as f64 / statistics.voxels.max(1) as f64),
         ),
         ("owner_bytes", json!(owner_bytes)),
+        ("owner_bytes_per_brick", json!(per_brick)),
         ("largest_position_error", json!(largest_position_error)),
     ]
     .map(|(name, value)| (name.to_owned(), value))

@@ -59,6 +59,14 @@ impl<'a> MemoryGuard<'a> {
         })
     }
 
+    /// Bytes that the voxel core may plan with: what the process does not hold yet, less an eighth for what no plan
+    /// knows of (the allocator, threads, buffers).
+    pub fn left_for_voxels(&self) -> Option<u64> {
+        let limit = self.limit?;
+        let left = limit.saturating_sub(resident_bytes().unwrap_or(0));
+        Some(left - left / 8)
+    }
+
     /// [`MemoryError::Exceeded`] once the limit was found exceeded; measures now.
     pub fn check(&self) -> Result<(), MemoryError> {
         self.measure();

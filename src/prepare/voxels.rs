@@ -1,9 +1,12 @@
 //! The scene's drawables as the voxelizer wants them: level 0, as it will be decoded, snapped to the grid.
 
+use std::io::{self, Write};
+
 use glam::{DAffine3, DMat3, DVec3};
 use voxsight_voxel::grid::Grid;
-use voxsight_voxel::voxelize::{Drawables, SnappedMesh};
+use voxsight_voxel::voxelize::{Drawables, OwnerSink, SnappedMesh};
 
+use crate::container::write::SectionWriter;
 use crate::geometry::{LevelMesh, decode};
 use crate::progress::Progress;
 
@@ -58,5 +61,14 @@ fn grid_from_part(grid: &Grid, world_from_part: &DAffine3) -> DAffine3 {
     DAffine3 {
         matrix3: DMat3::from_diagonal(scale) * world_from_part.matrix3,
         translation: grid.grid_from_world(world_from_part.translation),
+    }
+}
+
+/// The section of the container that takes owner pages.
+pub(super) struct OwnerSection<'a>(pub SectionWriter<'a>);
+
+impl OwnerSink for OwnerSection<'_> {
+    fn append(&mut self, words: &[u64]) -> io::Result<()> {
+        self.0.write_all(bytemuck::cast_slice(words))
     }
 }

@@ -135,7 +135,7 @@ impl<'a> Shader<'a> {
         let query = &self.scene.query;
         let mut met = false;
         query.dag.cast(ray, |hit| {
-            let owners = query.owners.of_brick(hit.brick_ordinal());
+            let owners = query.owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
             met = owners.of_voxel(hit.bit()).any(|owner| !query.exact.is_transparent(owner));
             if met { Next::End } else { Next::Voxel }
         });

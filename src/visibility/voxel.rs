@@ -19,21 +19,24 @@ fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
 
 /// Owners of the brick last asked for: neighbouring voxels along a ray mostly share it.
 struct BrickOwners<'a> {
-    brick: [i32; 3],
-    owners: Owners<'a>,
+    last: Option<([i32; 3], Owners<'a>)>,
 }
 
 impl<'a> BrickOwners<'a> {
     fn new() -> Self {
-        BrickOwners { brick: [i32::MIN; 3], owners: Owners::Several(&[]) }
+        BrickOwners { last: None }
     }
 
     fn of_brick(&mut self, scene: &QueryScene<'a>, hit: &VoxelHit) -> Owners<'a> {
         let brick = hit.voxel.map(|c| c >> 2);
-        if brick != self.brick {
-            *self = BrickOwners { brick, owners: scene.owners.of_brick(hit.brick_ordinal()) };
+        match self.last {
+            Some((last, owners)) if last == brick => owners,
+            _ => {
+                let owners = scene.owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
+                self.last = Some((brick, owners));
+                owners
+            }
         }
-        self.owners
     }
 }
 

@@ -4,8 +4,8 @@
 //! `cargo bench -p voxsight-voxel --bench stress -- [--rays 1G] [--seed 1] [--part 1/4] [--group N]`
 //!
 //! Rays come in groups of up to 64 of one class at one scene; all of a group follows from the seed and the group's
-//! number. Every group goes through a packet and through single SIMD rays, each with one of the instruction sets of this
-//! processor, which must agree to the last bit. One group in [`REFERENCE_EVERY`] goes through all paths with all
+//! number. Every group goes through a packet and through a batch or single SIMD rays, each with one of the instruction
+//! sets of this processor, which must agree to the last bit. One group in [`REFERENCE_EVERY`] goes through all paths with all
 //! instruction sets and the scalar reference; one in [`ORACLE_EVERY`] is judged by an oracle besides: in exact
 //! arithmetic where the grid is small and the ray has few bits, else in f64 against all occupied voxels near the ray.
 //!
@@ -49,14 +49,14 @@ use oracles::{Judge, Verdict};
 use paths::{Met, Mode, Path, Question, ask};
 use random::Random;
 use scenes::{Scene, scenes};
-use tally::Tallies;
+use tally::{Count, Tallies};
 
 /// One group in this many is cast by all paths.
 const REFERENCE_EVERY: u64 = 16;
 /// One of those in this many is judged by an oracle: one group in 64.
 const ORACLE_EVERY: u64 = 4;
 /// Failures that are printed.
-const PRINTED: u64 = 20;
+const PRINTED: u64 = 10;
 /// A group that takes longer than this does not end.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -174,20 +174,23 @@ impl Stress {
             if judged { Question::all() } else { Question::new(&mut random, scene.side(), by_reference) };
         let group = Group { number, class, scene, rays: class.rays(&mut random, scene) };
 
-        let single = random.pick(&self.instructions);
-        let mut paths: Vec<Path> = self.instructions.iter().map(|&set| Path::Packet(set)).collect();
-        if by_reference {
-            paths.insert(0, Path::Reference);
-            paths.extend(self.instructions.iter().map(|&set| Path::Single(set)));
+        let paths = if by_reference {
+            let of_each =
+                |path: fn(Instructions) -> Path| self.instructions.iter().map(move |&set| path(set));
+            let fast = of_each(Path::Packet).chain(of_each(Path::Single)).chain(of_each(Path::Batch));
+            [Path::Reference].into_iter().chain(fast).collect()
         } else {
-            paths = vec![Path::Single(single), Path::Packet(random.pick(&self.instructions))];
-        }
+            let mut set = || random.pick(&self.instructions);
+            let (first, second) = (set(), set());
+            let alone = if random.one_in(3) { Path::Single(first) } else { Path::Batch(first) };
+            vec![alone, Path::Packet(second)]
+        };
         self.compare(worker, &group, &paths, &question);
         let tally = worker.tallies.of(class);
         let rays = group.rays.len() as u64;
-        tally.rays += rays;
+        tally[Count::Rays] += rays;
         if by_reference {
-            tally.reference += rays;
+            tally[Count::Reference] += rays;
             self.check_shorthands(worker, &group, &question);
         }
         if judged {
@@ -206,26 +209,27 @@ impl Stress {
             ask(path, dag, &group.rays, question, packet, met);
             match path {
                 Path::Reference => {}
-                Path::Single(_) => tally.single_casts += met.len() as u64,
-                Path::Packet(_) => tally.packet_casts += met.len() as u64,
+                Path::Single(_) => tally[Count::Single] += met.len() as u64,
+                Path::Batch(_) => tally[Count::Batch] += met.len() as u64,
+                Path::Packet(_) => tally[Count::Packet] += met.len() as u64,
             }
             for (ray, met) in met.iter().enumerate() {
                 if met.backwards + met.repeated > 0 || met.hits > most {
                     self.report(group, ray, &format!("{path:?} {question:?} loops: {met:?}"));
-                    tally.backwards += met.backwards;
-                    tally.repeated += met.repeated;
-                    tally.endless += u64::from(met.hits > most);
+                    tally[Count::Backwards] += met.backwards;
+                    tally[Count::Repeated] += met.repeated;
+                    tally[Count::Endless] += u64::from(met.hits > most);
                 }
             }
             if i == 0 {
-                tally.hits += met.iter().map(|met| met.hits).sum::<u64>();
-                tally.hitting += met.iter().filter(|met| met.hits > 0).count() as u64;
+                tally[Count::Hits] += met.iter().map(|met| met.hits).sum::<u64>();
+                tally[Count::Hitting] += met.iter().filter(|met| met.hits > 0).count() as u64;
                 std::mem::swap(met, expected);
                 continue;
             }
             for (ray, (met, expected)) in met.iter().zip(expected.iter()).enumerate() {
                 if met != expected {
-                    tally.different += 1;
+                    tally[Count::Differing] += 1;
                     self.report(
                         group,
                         ray,
@@ -244,7 +248,7 @@ impl Stress {
         let dag = group.scene.dag.view();
         for (i, (ray, expected)) in group.rays.iter().zip(&worker.expected).enumerate() {
             if dag.first_hit(ray) != expected.first || dag.any_hit(ray) != expected.first.is_some() {
-                worker.tallies.of(group.class).different += 1;
+                worker.tallies.of(group.class)[Count::Differing] += 1;
                 self.report(group, i, "first_hit or any_hit differs from cast");
             }
         }
@@ -267,13 +271,13 @@ impl Stress {
             let judge = Judge::new(ray, scene.side(), scene.is_small());
             let verdict = judge.judge(&line, scene.side(), &nearby, &met);
             if judge.is_exact() {
-                tally.exact += 1;
+                tally[Count::Exact] += 1;
             } else {
-                tally.float += 1;
+                tally[Count::Float] += 1;
             }
-            tally.verdict.missed += verdict.missed;
-            tally.verdict.wrong += verdict.wrong;
-            tally.verdict.grazed += verdict.grazed;
+            tally[Count::Missed] += verdict.missed;
+            tally[Count::Wrong] += verdict.wrong;
+            tally[Count::Grazed] += verdict.grazed;
             if (Verdict { grazed: 0, ..verdict }) != Verdict::default() {
                 self.report(group, i, &format!("exact {}: {verdict:?}", judge.is_exact()));
             }
@@ -356,7 +360,7 @@ fn main() -> ExitCode {
     let seconds = stress.started.elapsed().as_secs_f64();
     tallies.print();
     let total = tallies.total();
-    println!("{:.1} s, {:.2} Mrays/s", seconds, total.rays as f64 / 1e6 / seconds);
+    println!("{:.1} s, {:.2} Mrays/s", seconds, total[Count::Rays] as f64 / 1e6 / seconds);
     let untested = if options.group.is_none() { tallies.untested() } else { Vec::new() };
     if !untested.is_empty() {
         println!("FAILED: not tested by everything: {untested:?}; cast more rays");

@@ -43,6 +43,18 @@ pub(crate) fn mirror(mask: u64, flip: u32) -> u64 {
     m
 }
 
+/// [`mirror`] for when `flip` changes from call to call.
+#[inline(always)]
+pub(crate) fn mirror_without_branches(mask: u64, flip: u32) -> u64 {
+    let pick = |along: u32, a: u64, b: u64| {
+        let all = u64::from(flip >> along & 1).wrapping_neg();
+        (a & all) | (b & !all)
+    };
+    let m = pick(0, mirror(mask, 1), mask);
+    let m = pick(1, mirror(m, 2), m);
+    pick(2, mirror(m, 4), m)
+}
+
 /// What to XOR a cell's index with to mirror it along the axes of `flip`.
 #[inline(always)]
 pub(crate) fn mirror_slot(flip: u32) -> u32 {
@@ -92,6 +104,7 @@ mod tests {
                 let mirrored =
                     (0..64).filter(|b| mask >> b & 1 == 1).fold(0, |m, b| m | 1 << (b ^ mirror_slot(flip)));
                 assert_eq!(mirror(mask, flip), mirrored, "{mask:x} {flip}");
+                assert_eq!(mirror_without_branches(mask, flip), mirrored, "{mask:x} {flip}");
             }
         }
     }

@@ -16,7 +16,7 @@
 //!
 //! ```
 //! use glam::DVec3;
-//! use voxsight_voxel::{grid::Grid, raycast::GridRay, voxelize::{self, Drawables, SnappedMesh}};
+//! use voxsight_voxel::{dag::OwnersRef, grid::Grid, raycast::GridRay, voxelize::{self, Drawables, SnappedMesh}};
 //!
 //! struct OneTriangle(Grid);
 //! impl Drawables for OneTriangle {
@@ -32,9 +32,12 @@
 //! let grid = Grid::around(DVec3::ZERO, DVec3::ONE, 8)?;
 //! let voxels = voxelize::voxelize(&grid, &OneTriangle(grid))?;
 //! let ray = GridRay::new(grid.grid_from_world(DVec3::new(0.2, 0.2, 5.0)), DVec3::NEG_Z);
-//! let (voxel, t) = voxels.dag.view().first_hit(&ray).expect("the ray goes through the triangle");
-//! let owners = voxels.owners.index(voxels.dag.view().brick_count());
-//! # let _ = (voxel, t, owners);
+//! let dag = voxels.dag.view();
+//! let (voxel, _t) = dag.first_hit(&ray).expect("the ray goes through the triangle");
+//! let (ordinal, mask) = dag.brick_at(voxel).expect("the voxel that was hit is in a brick");
+//! let index = voxels.owners.index(dag.brick_count());
+//! let owners = OwnersRef::new(&voxels.owners.directory, &voxels.owners.pages, &index);
+//! assert_eq!(owners.of_brick(ordinal, mask).all().collect::<Vec<_>>(), [0]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -99,6 +99,17 @@ fn all_paths_meet_what_the_reference_meets() {
                     ));
                     next(hit.voxel, end_after)
                 });
+                let mut in_batch = vec![Vec::new(); packet_rays.len()];
+                caster.cast_batch(&packet_rays, |ray, hit| {
+                    in_batch[ray].push((
+                        hit.voxel,
+                        hit.whole_brick,
+                        hit.t().to_bits(),
+                        hit.brick_ordinal().into(),
+                    ));
+                    next(hit.voxel, end_after)
+                });
+                assert_eq!(in_batch, expected, "batch, {}", place());
                 for (i, ray) in packet_rays.iter().enumerate() {
                     assert_eq!(met[i], expected[i], "packet ray {i}, {}: {ray:?}", place());
                 }

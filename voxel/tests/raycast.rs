@@ -59,7 +59,7 @@ fn no_crossed_voxel_is_passed_and_none_is_made_up() {
                 assert!(hit.t() >= last_t, "seed {seed} round {round}: {ray:?} goes back");
                 last_t = hit.t();
                 let (ordinal, mask) = dag.brick_at(hit.voxel).unwrap();
-                assert_eq!(hit.brick_ordinal(), ordinal);
+                assert_eq!((hit.brick_ordinal(), hit.brick_mask()), (ordinal, mask));
                 assert!(mask >> hit.bit() & 1 == 1);
                 let grown = slab(&ray, hit.voxel, -blur);
                 assert!(grown.is_some(), "seed {seed} round {round}: {ray:?} does not cross {:?}", hit.voxel);
@@ -90,12 +90,12 @@ fn a_walk_past_bricks_meets_each_brick_once_and_all_of_them() {
     let mut met = 0;
     for round in 0..2000 {
         let ray = random_ray(&mut random, 128.0);
-        let mut all: Vec<u32> = Vec::new();
+        let mut all: Vec<u64> = Vec::new();
         dag.cast(&ray, |hit| {
             all.push(hit.brick_ordinal());
             Next::Voxel
         });
-        let mut skipping: Vec<u32> = Vec::new();
+        let mut skipping: Vec<u64> = Vec::new();
         dag.cast(&ray, |hit| {
             skipping.push(hit.brick_ordinal());
             Next::Brick

@@ -3,12 +3,15 @@
 mod common;
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::{Soup, random_soup, unit_grid};
 use voxsight_voxel::dag::owners::OwnersIndex;
-use voxsight_voxel::dag::{DagRef, OwnersRef};
+use voxsight_voxel::dag::{DagRef, OwnerTable, OwnersRef};
 use voxsight_voxel::voxelize::overlap::TriangleOverlap;
-use voxsight_voxel::voxelize::voxelize;
+use voxsight_voxel::voxelize::{
+    Drawables, OwnerSink, Settings, SnappedMesh, VoxelizeError, Voxelized, voxelize, voxelize_into,
+};
 
 /// Owners of every occupied voxel, by testing each brick of the grid against each triangle.
 fn owners_by_brute_force(soup: &Soup, log2: u32) -> BTreeMap<[i32; 3], Vec<u32>> {
@@ -43,9 +46,10 @@ fn every_voxel_knows_exactly_its_owners() {
         let (dag, statistics) =
             DagRef::validate(&voxels.dag.shape, &voxels.dag.words, &voxels.dag.counts, &voxels.dag.leaves)
                 .unwrap();
-        let (runs, lists) = (&voxels.owners.runs, &voxels.owners.lists);
-        let index = OwnersIndex::validate(runs, lists, dag.brick_count(), 9).unwrap();
-        let owners = OwnersRef::new(runs, lists, &index);
+        let (directory, pages) = (&voxels.owners.directory, &voxels.owners.pages);
+        let index = OwnersIndex::validate(directory, pages, dag.brick_count(), 9).unwrap();
+        let owners = OwnersRef::new(directory, pages, &index);
+        owners.check_masks(&dag).unwrap();
 
         let mut found = BTreeMap::new();
         let mut ordinals = 0;
@@ -55,17 +59,101 @@ fn every_voxel_knows_exactly_its_owners() {
             for bit in (0..64).filter(|bit| mask >> bit & 1 == 1) {
                 let voxel = [corner[0] + (bit & 3), corner[1] + (bit >> 2 & 3), corner[2] + (bit >> 4)];
                 assert_eq!(dag.brick_at(voxel), Some((ordinal, mask)), "seed {seed} {voxel:?}");
-                found.insert(voxel, owners.of_brick(ordinal).of_voxel(bit as u32).collect::<Vec<_>>());
+                let of_brick = owners.of_brick(ordinal, mask);
+                found.insert(voxel, of_brick.of_voxel(bit as u32).collect::<Vec<_>>());
+                let masks = of_brick.masks();
+                assert!(masks.iter().map(|m| m.0).eq(of_brick.all()), "seed {seed} {voxel:?}");
+                let by_mask = masks.iter().filter(|m| m.1 >> bit & 1 == 1).map(|m| m.0);
+                assert!(by_mask.eq(of_brick.of_voxel(bit as u32)), "seed {seed} {voxel:?}");
             }
+            assert_eq!(dag.brick_mask(ordinal), Some(mask), "seed {seed}");
         });
         assert_eq!(found.len() as u64, statistics.voxels, "seed {seed}");
-        assert_eq!(u64::from(ordinals), statistics.bricks, "seed {seed}");
+        assert_eq!(ordinals, statistics.bricks, "seed {seed}");
         assert_eq!(found, expected, "seed {seed}");
     }
 }
 
 #[test]
-fn blocks_and_threads_do_not_change_a_bit() {
+fn tasks_blocks_and_memory_do_not_change_a_bit() {
+    for (seed, log2) in [(4, 9), (5, 10)] {
+        let soup = random_soup(seed, log2, 40);
+        let expected = voxelize(&unit_grid(log2), &soup).unwrap();
+        let mut tasks = Vec::new();
+        for (task_triangles, task_bricks, block_height, memory) in [
+            (u64::MAX, u64::MAX, 3, None),
+            (1, u64::MAX, 3, None),
+            (1, u64::MAX, 1, Some(1 << 26)),
+            (u64::MAX, 1, 2, Some(1 << 26)),
+            (20, 300, 1, None),
+            (20, 300, 2, None),
+        ] {
+            let settings = Settings { memory, task_triangles, task_bricks, block_height };
+            let mut pages = Vec::new();
+            let streamed = voxelize_into(&unit_grid(log2), &soup, &settings, &mut pages).unwrap();
+            let owners = OwnerTable { directory: streamed.owner_directory, pages };
+            assert_eq!(Voxelized { dag: streamed.dag, owners }, expected, "seed {seed}, {settings:?}");
+            tasks.push(streamed.cost.tasks);
+        }
+        assert_eq!(tasks[0], 1, "seed {seed}");
+        assert!(tasks[1] > 7 && tasks[3] > 7 && tasks[4] > 1, "seed {seed}: the grid was not cut: {tasks:?}");
+    }
+}
+
+#[test]
+fn a_dag_larger_than_the_memory_is_an_error_that_says_so() {
+    let soup = random_soup(4, 10, 60);
+    let settings = Settings { memory: Some(20_000), ..Settings::default() };
+    let error = voxelize_into(&unit_grid(10), &soup, &settings, &mut Vec::new()).unwrap_err();
+    assert!(matches!(error, VoxelizeError::Memory { limit: 20_000, used: 20_001.. }), "{error}");
+}
+
+#[test]
+fn a_sink_that_fails_ends_the_work_with_its_error() {
+    struct Full(usize);
+    impl OwnerSink for Full {
+        fn append(&mut self, words: &[u64]) -> std::io::Result<()> {
+            self.0 = self.0.checked_sub(words.len()).ok_or(std::io::ErrorKind::StorageFull)?;
+            Ok(())
+        }
+    }
+    let soup = random_soup(4, 10, 60);
+    let settings = Settings { task_bricks: 100, ..Settings::default() };
+    let error = voxelize_into(&unit_grid(10), &soup, &settings, &mut Full(30)).unwrap_err();
+    let VoxelizeError::Owners(error) = error else { panic!("{error}") };
+    assert_eq!(error.kind(), std::io::ErrorKind::StorageFull);
+}
+
+#[test]
+fn triangles_are_reported_once_and_a_stop_is_obeyed() {
+    struct Counted(Soup, AtomicU64, u64);
+    impl Drawables for Counted {
+        fn count(&self) -> u32 {
+            self.0.count()
+        }
+        fn triangle_count(&self, drawable: u32) -> u32 {
+            self.0.triangle_count(drawable)
+        }
+        fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
+            self.0.load(drawable, mesh);
+        }
+        fn advance(&self, triangles: u64) -> bool {
+            self.1.fetch_add(triangles, Ordering::SeqCst) + triangles > self.2
+        }
+    }
+    let soup = random_soup(7, 10, 60);
+    let triangles: u64 = (0..60).map(|d| u64::from(soup.triangle_count(d))).sum();
+    let settings = Settings { task_triangles: 5, ..Settings::default() };
+    let counted = Counted(soup, AtomicU64::new(0), u64::MAX);
+    voxelize_into(&unit_grid(10), &counted, &settings, &mut Vec::new()).unwrap();
+    assert_eq!(counted.1.load(Ordering::SeqCst), triangles);
+    let stopped = Counted(counted.0, AtomicU64::new(0), triangles / 2);
+    let error = voxelize_into(&unit_grid(10), &stopped, &settings, &mut Vec::new()).unwrap_err();
+    assert!(matches!(error, VoxelizeError::Cancelled), "{error}");
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
     for (seed, log2) in [(1, 9), (2, 10), (3, 11)] {
         let soup = random_soup(seed, log2, 60);
         let build = |threads| {
@@ -88,7 +176,7 @@ fn large_grids_hold_every_point_of_every_triangle() {
         let voxels = voxelize(&unit_grid(log2), &small).unwrap();
         let dag = voxels.dag.view();
         let index = voxels.owners.index(dag.brick_count());
-        let owners = OwnersRef::new(&voxels.owners.runs, &voxels.owners.lists, &index);
+        let owners = OwnersRef::new(&voxels.owners.directory, &voxels.owners.pages, &index);
         let mut random = oorandom::Rand64::new(99);
         for (drawable, triangles) in small.0.iter().enumerate() {
             for t in triangles {
@@ -102,10 +190,11 @@ fn large_grids_hold_every_point_of_every_triangle() {
                         ((a + u * (b - a) + v * (c - a)) / 256.0).floor() as i32
                     };
                     let voxel = [at(0), at(1), at(2)].map(|c| c.clamp(0, (1 << log2) - 1));
-                    let (ordinal, _) = dag.brick_at(voxel).unwrap_or_else(|| panic!("seed {seed} {voxel:?}"));
+                    let (ordinal, mask) =
+                        dag.brick_at(voxel).unwrap_or_else(|| panic!("seed {seed} {voxel:?}"));
                     let bit = (voxel[0] & 3 | (voxel[1] & 3) << 2 | (voxel[2] & 3) << 4) as u32;
                     assert!(dag.is_occupied(voxel), "seed {seed} {voxel:?}");
-                    let owned = owners.of_brick(ordinal).of_voxel(bit).any(|d| d == drawable as u32);
+                    let owned = owners.of_brick(ordinal, mask).of_voxel(bit).any(|d| d == drawable as u32);
                     assert!(owned, "seed {seed} {voxel:?} drawable {drawable}");
                 }
             }
@@ -124,7 +213,7 @@ fn nothing_gives_an_empty_dag() {
     assert_eq!(voxels.dag.shape.root, None);
     let (dag, statistics) = DagRef::validate(&voxels.dag.shape, &[], &[], &[]).unwrap();
     assert_eq!((statistics.voxels, dag.brick_count()), (0, 0));
-    assert!(OwnersIndex::validate(&voxels.owners.runs, &voxels.owners.lists, 0, 2).is_ok());
+    assert!(OwnersIndex::validate(&voxels.owners.directory, &voxels.owners.pages, 0, 2).is_ok());
 }
 
 #[test]
@@ -143,17 +232,23 @@ fn validation_finds_damage_or_leaves_a_dag_that_is_safe_to_walk() {
             0 => dag.words[pick(voxels.dag.words.len())] ^= (flip | flip >> 32) as u32,
             1 => dag.counts[pick(voxels.dag.counts.len())] ^= (flip | flip >> 32) as u32,
             2 => dag.leaves[pick(voxels.dag.leaves.len())] ^= flip,
-            3 => owners.runs[pick(voxels.owners.runs.len())] ^= (flip | flip >> 32) as u32,
-            _ => owners.lists[pick(voxels.owners.lists.len())] ^= flip,
+            3 => owners.directory[pick(voxels.owners.directory.len())][pick(2)] ^= flip,
+            _ => owners.pages[pick(voxels.owners.pages.len())] ^= flip,
         }
         let valid = DagRef::validate(&dag.shape, &dag.words, &dag.counts, &dag.leaves);
-        let index = OwnersIndex::validate(&owners.runs, &owners.lists, bricks, 20);
+        let index = OwnersIndex::validate(&owners.directory, &owners.pages, bricks, 20);
         match (valid, index) {
             (Ok((dag, _)), Ok(index)) if dag.brick_count() == bricks => {
-                let owners = OwnersRef::new(&owners.runs, &owners.lists, &index);
-                dag.for_each_brick(|_, ordinal, _| {
-                    (0..64).for_each(|bit| assert!(owners.of_brick(ordinal).of_voxel(bit).all(|d| d < 20)));
+                let owners = OwnersRef::new(&owners.directory, &owners.pages, &index);
+                dag.for_each_brick(|_, ordinal, mask| {
+                    let of_brick = owners.of_brick(ordinal, mask);
+                    (0..64).for_each(|bit| assert!(of_brick.of_voxel(bit).all(|d| d < 20)));
+                    assert!(
+                        of_brick.masks().iter().all(|&(d, of_drawable)| d < 20 && of_drawable & !mask == 0)
+                    );
                 });
+                // Found or not, it ends.
+                let _ = owners.check_masks(&dag);
             }
             _ => refused += 1,
         }

@@ -5,14 +5,12 @@ use voxsight_voxel::raycast::{Footprint, GridRay, Instructions, Next, RayCaster,
 
 use crate::random::{Random, mixed};
 
-/// A way to cast rays.
-///
-/// A path that takes whole slices of rays and answers with first hits only belongs here too: with a variant of
-/// its own, asked in [`Mode::First`].
+/// A way to cast rays; a new one belongs here, in [`Path::Reference`]'s company or with instruction sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Path {
     Reference,
     Single(Instructions),
+    Batch(Instructions),
     Packet(Instructions),
 }
 
@@ -98,8 +96,7 @@ impl Met {
     #[inline]
     fn note(&mut self, ray: &GridRay, hit: &VoxelHit, ordinals: bool) {
         let (voxel, t) = (hit.voxel, hit.t());
-        let bits =
-            u64::from(hit.whole_brick) | if ordinals { u64::from(hit.brick_ordinal()) << 1 } else { 0 };
+        let bits = u64::from(hit.whole_brick) | if ordinals { hit.brick_ordinal() << 1 } else { 0 };
         for part in [voxel[0] as u64 | (voxel[1] as u64) << 32, voxel[2] as u64 | bits << 32, t.to_bits()] {
             self.digest = (self.digest.rotate_left(23) ^ part).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         }
@@ -151,6 +148,12 @@ pub fn ask(
                     question.next(hit.voxel)
                 });
             }
+        }
+        Path::Batch(instructions) => {
+            caster.with_instructions(instructions).cast_batch(rays, |i, hit| {
+                met[i].note(&rays[i], hit, question.ordinals);
+                question.next(hit.voxel)
+            });
         }
         Path::Packet(instructions) => {
             packet.fill(rays.iter().copied());

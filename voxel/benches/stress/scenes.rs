@@ -1,7 +1,7 @@
 //! What the rays are cast at: small grids for the exact oracle, large ones for the oracle in f64.
 
-use voxsight_voxel::dag::{Dag, DagError};
-use voxsight_voxel::voxelize::voxelize;
+use voxsight_voxel::dag::Dag;
+use voxsight_voxel::voxelize::{VoxelizeError, voxelize};
 
 use crate::common::{Soup, random_soup_within, unit_grid};
 use crate::nearby::Nearby;
@@ -17,7 +17,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    fn new(name: &'static str, log2: u32, soup: &Soup) -> Result<Self, DagError> {
+    fn new(name: &'static str, log2: u32, soup: &Soup) -> Result<Self, VoxelizeError> {
         let dag = voxelize(&unit_grid(log2), soup)?.dag;
         let mut voxels = Vec::new();
         dag.view().for_each_brick(|corner, _, mask| {
@@ -45,7 +45,7 @@ impl Scene {
 }
 
 /// All of them.
-pub fn scenes(seed: u64) -> Result<Vec<Scene>, DagError> {
+pub fn scenes(seed: u64) -> Result<Vec<Scene>, VoxelizeError> {
     let soup = |log2: u32, drawables: usize, reach: u32| random_soup_within(seed, log2, drawables, reach);
     let end = |log2: u32| 1i32 << log2;
     Ok(vec![

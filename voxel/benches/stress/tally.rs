@@ -1,68 +1,84 @@
 //! Counts by class, and the table of them.
 
+use std::ops::{Index, IndexMut};
+
 use crate::classes::Class;
-use crate::oracles::Verdict;
+
+/// What is counted, in the order of the table's columns.
+#[derive(Clone, Copy, Debug)]
+pub enum Count {
+    Rays,
+    /// Rays with at least one hit.
+    Hitting,
+    /// Hits on one path.
+    Hits,
+    /// Casts: a ray on a path with an instruction set.
+    Packet,
+    Single,
+    Batch,
+    /// Rays that went through the reference and every path.
+    Reference,
+    /// Rays judged by the exact oracle, and by the one in f64.
+    Exact,
+    Float,
+    /// Rays of which a path gave an answer of its own.
+    Differing,
+    /// See [`crate::oracles::Verdict`].
+    Missed,
+    Wrong,
+    /// Hits with a smaller t than the one before.
+    Backwards,
+    /// Hits that were no step onwards.
+    Repeated,
+    /// Rays with more hits than a line can have.
+    Endless,
+    /// No failure, see [`crate::oracles::Verdict`].
+    Grazed,
+}
+
+const NAMES: [&str; 16] = [
+    "rays",
+    "hitting",
+    "hits",
+    "packet",
+    "single",
+    "batch",
+    "reference",
+    "exact",
+    "f64",
+    "differing",
+    "missed",
+    "wrong",
+    "backwards",
+    "repeated",
+    "endless",
+    "(grazed)",
+];
 
 /// Of one class of rays.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tally {
-    pub rays: u64,
-    /// Voxels met by the packets.
-    pub hits: u64,
-    /// Rays with at least one hit.
-    pub hitting: u64,
-    pub packet_casts: u64,
-    pub single_casts: u64,
-    /// Rays cast by the reference too, and by all paths.
-    pub reference: u64,
-    pub exact: u64,
-    pub float: u64,
-    /// Rays of which two paths gave different answers.
-    pub different: u64,
-    /// Of the oracles.
-    pub verdict: Verdict,
-    pub backwards: u64,
-    pub repeated: u64,
-    pub endless: u64,
+pub struct Tally([u64; NAMES.len()]);
+
+impl Index<Count> for Tally {
+    type Output = u64;
+    fn index(&self, count: Count) -> &u64 {
+        &self.0[count as usize]
+    }
+}
+
+impl IndexMut<Count> for Tally {
+    fn index_mut(&mut self, count: Count) -> &mut u64 {
+        &mut self.0[count as usize]
+    }
 }
 
 impl Tally {
     fn add(&mut self, other: &Tally) {
-        self.rays += other.rays;
-        self.hits += other.hits;
-        self.hitting += other.hitting;
-        self.packet_casts += other.packet_casts;
-        self.single_casts += other.single_casts;
-        self.reference += other.reference;
-        self.exact += other.exact;
-        self.float += other.float;
-        self.different += other.different;
-        self.verdict.missed += other.verdict.missed;
-        self.verdict.wrong += other.verdict.wrong;
-        self.verdict.grazed += other.verdict.grazed;
-        self.backwards += other.backwards;
-        self.repeated += other.repeated;
-        self.endless += other.endless;
+        self.0.iter_mut().zip(other.0).for_each(|(n, other)| *n += other);
     }
 
-    fn columns(&self) -> [u64; 15] {
-        [
-            self.rays,
-            self.hitting,
-            self.hits,
-            self.packet_casts,
-            self.single_casts,
-            self.reference,
-            self.exact,
-            self.float,
-            self.different,
-            self.verdict.missed,
-            self.verdict.wrong,
-            self.backwards,
-            self.repeated,
-            self.endless,
-            self.verdict.grazed,
-        ]
+    fn print(&self, name: &str) {
+        println!("{name:18}{}", self.0.map(|n| format!(" {n:>10}")).concat());
     }
 }
 
@@ -90,43 +106,17 @@ impl Tallies {
 
     /// Classes of which a check saw nothing: their zeros mean nothing.
     pub fn untested(&self) -> Vec<&'static str> {
-        let seen = |class: Class| {
-            let tally = &self.0[class as usize];
-            let judged = tally.exact > 0 && tally.float > 0;
-            tally.hitting > 0 && tally.reference > 0 && (judged || !class.can_be_judged())
+        let is_seen = |class: Class| {
+            let seen = |count| self.0[class as usize][count] > 0;
+            let judged = seen(Count::Exact) && seen(Count::Float);
+            seen(Count::Hitting) && seen(Count::Reference) && (judged || !class.can_be_judged())
         };
-        Class::ALL.iter().filter(|class| !seen(**class)).map(|class| class.name()).collect()
+        Class::ALL.iter().filter(|class| !is_seen(**class)).map(|class| class.name()).collect()
     }
 
     pub fn print(&self) {
-        let names = [
-            "rays",
-            "hit",
-            "hits",
-            "packet",
-            "single",
-            "reference",
-            "exact",
-            "f64",
-            "differ",
-            "missed",
-            "wrong",
-            "backwards",
-            "repeated",
-            "endless",
-            "(grazed)",
-        ];
-        print!("{:18}", "class");
-        names.iter().for_each(|name| print!(" {name:>10}"));
-        println!();
-        let row = |name: &str, tally: &Tally| {
-            print!("{name:18}");
-            tally.columns().iter().for_each(|n| print!(" {n:>10}"));
-            println!();
-        };
-        for class in Class::ALL {
-            row(class.name(), &self.0[class as usize]);
-        }
-        row("total", &self.total());
+        println!("{:18}{}", "class", NAMES.map(|name| format!(" {name:>10}")).concat());
+        Class::ALL.iter().for_each(|class| self.0[*class as usize].print(class.name()));
+        self.total().print("total");
     }
 }

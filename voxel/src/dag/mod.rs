@@ -1,6 +1,7 @@
 //! The sparse voxel DAG: occupied voxels, equal subtrees stored once, and the owners of every voxel.
 
 pub(crate) mod build;
+mod counts;
 pub mod node;
 pub mod owners;
 mod validate;
@@ -8,23 +9,15 @@ mod validate;
 pub use owners::{OwnerTable, Owners, OwnersRef};
 pub use validate::DagStatistics;
 
-use node::{HEADER_WORDS, child_word, mask_at, slot};
+use counts::Counts;
+use node::{HEADER_WORDS, child_word, mask_at, node_length, slot};
 
 /// Why a DAG cannot be built, or is not one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DagError {
-    /// More than 2^32 - 1 leaf bricks.
-    #[error("the grid has more than 4,294,967,295 occupied bricks: choose a lower resolution")]
-    TooManyBricks,
     /// More than 2^32 - 1 words of nodes or leaf masks.
     #[error("the DAG outgrows 32-bit offsets: choose a lower resolution")]
     TooManyNodes,
-    /// More than 2^31 - 1 drawables or entries of owner lists.
-    #[error("{what} outgrow 31-bit indices")]
-    TooManyOwners {
-        /// What there is too much of.
-        what: &'static str,
-    },
     /// A rule of the packed form is broken; the data did not come from this library, or was damaged.
     #[error("{rule} (at {place})")]
     Broken {
@@ -33,9 +26,6 @@ pub enum DagError {
         /// Where it is not.
         place: String,
     },
-    /// The caller asked to stop.
-    #[error("cancelled")]
-    Cancelled,
 }
 
 /// How to read the arrays of a DAG.
@@ -61,7 +51,7 @@ pub struct Dag {
     pub shape: DagShape,
     /// Nodes, see [`node`].
     pub words: Vec<u32>,
-    /// Brick counts beside the words.
+    /// Brick counts beside the words of height 2 and above, see [`node`].
     pub counts: Vec<u32>,
     /// Distinct leaf bricks.
     pub leaves: Vec<u64>,
@@ -81,7 +71,7 @@ pub struct DagRef<'a> {
     pub(crate) log2: u32,
     pub(crate) root: Option<u32>,
     pub(crate) words: &'a [u32],
-    pub(crate) counts: &'a [u32],
+    pub(crate) counts: Counts<'a>,
     pub(crate) leaves: &'a [u64],
 }
 
@@ -89,6 +79,7 @@ impl<'a> DagRef<'a> {
     /// A view over arrays that have passed [`DagRef::validate`] before, without checking them again. With other arrays,
     /// traversal may give nonsense or panic, but stays safe.
     pub fn assume_valid(shape: &DagShape, words: &'a [u32], counts: &'a [u32], leaves: &'a [u64]) -> Self {
+        let counts = Counts::new(shape, words.len(), counts);
         DagRef { height: root_height(shape.log2), log2: shape.log2, root: shape.root, words, counts, leaves }
     }
 }
@@ -104,13 +95,24 @@ impl DagRef<'_> {
         4 << (2 * self.height)
     }
 
-    /// Occupied leaf bricks; their ordinals are below this.
-    pub fn brick_count(&self) -> u32 {
-        self.root.map_or(0, |root| self.counts[root as usize])
+    /// Occupied leaf bricks; their ordinals are below this. A grid of 2^17 may have more than 2^32.
+    pub fn brick_count(&self) -> u64 {
+        self.root.map_or(0, |root| self.counts.below(self.words, self.height, root))
+    }
+
+    /// Leaf bricks of a node of this height that come before those of its child in `slot`, which must be occupied.
+    /// Summed along the path from the root: a brick's ordinal.
+    #[inline]
+    pub(crate) fn bricks_before(&self, height: u32, node: u32, slot: u32) -> u64 {
+        let mask = mask_at(self.words, node);
+        if height == 1 {
+            return (mask & ((1 << slot) - 1)).count_ones().into();
+        }
+        self.counts.at(height, child_word(mask, node, slot))
     }
 
     /// Ordinal in depth-first order and mask of the brick that holds `voxel`, `None` where nothing is.
-    pub fn brick_at(&self, voxel: [i32; 3]) -> Option<(u32, u64)> {
+    pub fn brick_at(&self, voxel: [i32; 3]) -> Option<(u64, u64)> {
         if voxel.iter().any(|&c| c < 0 || c >> self.log2 != 0) {
             return None;
         }
@@ -122,11 +124,29 @@ impl DagRef<'_> {
             if mask >> slot & 1 == 0 {
                 return None;
             }
-            let word = child_word(mask, at, slot);
-            ordinal += self.counts[word];
-            at = self.words[word];
+            ordinal += self.bricks_before(height, at, slot);
+            at = self.words[child_word(mask, at, slot)];
         }
         Some((ordinal, self.leaves[at as usize]))
+    }
+
+    /// Mask of the brick with this ordinal; `None` from the brick count on.
+    pub fn brick_mask(&self, ordinal: u64) -> Option<u64> {
+        let mut at = self.root.filter(|_| ordinal < self.brick_count())?;
+        let mut left = ordinal;
+        for height in (2..=self.height).rev() {
+            // The last child that begins at or before what is left: counts rise along the children.
+            let (mut first, mut end) =
+                (at as usize + HEADER_WORDS, at as usize + node_length(self.words, at as usize));
+            while end - first > 1 {
+                let middle = first.midpoint(end);
+                if self.counts.at(height, middle) <= left { first = middle } else { end = middle }
+            }
+            left -= self.counts.at(height, first);
+            at = self.words[first];
+        }
+        let leaf = self.words[at as usize + HEADER_WORDS + left as usize];
+        Some(self.leaves[leaf as usize])
     }
 
     /// Is this voxel occupied? Voxels outside the grid are not.
@@ -135,7 +155,7 @@ impl DagRef<'_> {
     }
 
     /// Calls `visit(corner, ordinal, mask)` for every occupied brick in depth-first order.
-    pub fn for_each_brick(&self, mut visit: impl FnMut([i32; 3], u32, u64)) {
+    pub fn for_each_brick(&self, mut visit: impl FnMut([i32; 3], u64, u64)) {
         let mut ordinal = 0;
         if let Some(root) = self.root {
             self.walk(root, self.height, [0; 3], &mut ordinal, &mut visit);
@@ -147,8 +167,8 @@ impl DagRef<'_> {
         node: u32,
         height: u32,
         corner: [i32; 3],
-        ordinal: &mut u32,
-        visit: &mut impl FnMut([i32; 3], u32, u64),
+        ordinal: &mut u64,
+        visit: &mut impl FnMut([i32; 3], u64, u64),
     ) {
         let mut left = mask_at(self.words, node);
         let mut word = node as usize + HEADER_WORDS;

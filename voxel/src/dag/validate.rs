@@ -1,6 +1,7 @@
 //! Checks arrays of unknown origin before anything trusts them.
 
-use super::node::HEADER_WORDS;
+use super::counts::{Counts, count_length};
+use super::node::{HEADER_WORDS, node_length};
 use super::{DagError, DagRef, DagShape, root_height};
 use crate::grid::LOG2_RANGE;
 
@@ -40,11 +41,17 @@ impl<'a> DagRef<'a> {
         if shape.height_ends.len() != height as usize {
             return broken("there is one end for each height", format!("{} ends", shape.height_ends.len()));
         }
-        if counts.len() != words.len() {
-            return broken("there is a count for each word", format!("{} counts", counts.len()));
-        }
         if shape.height_ends.last().map(|&end| end as usize) != Some(words.len()) {
             return broken("the last height ends with the array", format!("{} words", words.len()));
+        }
+        if !shape.height_ends.is_sorted() {
+            return broken("the ends of the heights rise", format!("{:?}", shape.height_ends));
+        }
+        if count_length(shape, words.len()) != Some(counts.len()) {
+            return broken(
+                "there is a count for each word above height 1",
+                format!("{} counts", counts.len()),
+            );
         }
         if let Some(empty) = leaves.iter().position(|&mask| mask == 0) {
             return broken("no brick is empty", format!("leaf {empty}"));
@@ -56,70 +63,108 @@ impl<'a> DagRef<'a> {
             count_bytes: size_of_val(counts) as u64,
             ..Default::default()
         };
-        // Voxels below each node, by word offset; u64::MAX where no node starts.
-        const NO_NODE: u64 = u64::MAX;
-        let mut voxels_below = vec![NO_NODE; words.len()];
-        let (mut below_start, mut start) = (0usize, 0usize);
+        let counts = Counts::new(shape, words.len(), counts);
+        let mut below = Starts::default();
+        let mut start = 0usize;
         for (index, &end) in shape.height_ends.iter().enumerate() {
             let end = end as usize;
-            if end < start || end > words.len() {
-                return broken("the ends of the heights rise", format!("height {}", index + 1));
-            }
+            let height_here = index as u32 + 1;
+            let mut here = Starts::new(start, end);
             let mut at = start;
             while at < end {
-                let place = || format!("word {at} of height {}", index + 1);
+                let place = || format!("word {at} of height {height_here}");
                 if end - at < HEADER_WORDS {
                     return broken("a node has two mask words", place());
                 }
-                let children = (words[at].count_ones() + words[at + 1].count_ones()) as usize;
+                let children = node_length(words, at) - HEADER_WORDS;
                 if children == 0 {
                     return broken("no node is empty", place());
                 }
                 if children > end - at - HEADER_WORDS {
                     return broken("a node has a word for each child", place());
                 }
-                if index as u32 + 1 == height && !slots_inside_grid(words, at, shape.log2) {
+                if height_here == height && !slots_inside_grid(words, at, shape.log2) {
                     return broken("no node reaches out of the grid", place());
                 }
                 let (mut bricks, mut voxels) = (0u64, 0u64);
                 for word in at + HEADER_WORDS..at + HEADER_WORDS + children {
-                    if u64::from(counts[word]) != bricks {
-                        return broken("counts add up", format!("word {word}"));
-                    }
-                    let child = words[word] as usize;
-                    let (child_bricks, child_voxels) = if index == 0 {
-                        match leaves.get(child) {
-                            Some(mask) => (1, u64::from(mask.count_ones())),
+                    let child = words[word];
+                    if height_here == 1 {
+                        match leaves.get(child as usize) {
+                            Some(mask) => voxels += u64::from(mask.count_ones()),
                             None => return broken("a leaf index is in range", format!("word {word}")),
                         }
-                    } else {
-                        let is_node = (below_start..start).contains(&child) && voxels_below[child] != NO_NODE;
-                        if !is_node {
-                            return broken("a child is a node of the height below", format!("word {word}"));
-                        }
-                        (u64::from(counts[child]), voxels_below[child])
+                        continue;
+                    }
+                    if counts.at(height_here, word) != bricks {
+                        return broken("counts add up", format!("word {word}"));
+                    }
+                    let Some(below) = below.voxels(child as usize) else {
+                        return broken("a child is a node of the height below", format!("word {word}"));
                     };
-                    bricks += child_bricks;
-                    voxels = voxels.saturating_add(child_voxels).min(NO_NODE - 1);
+                    // No overflow: at most 64^height bricks of 64 voxels, below 2^60.
+                    bricks += counts.below(words, height_here - 1, child);
+                    voxels += below;
                 }
-                if u64::from(counts[at]) != bricks || counts[at + 1] != 0 {
+                if height_here > 1
+                    && (counts.at(height_here, at) != bricks || counts.at(height_here, at + 1) != 0)
+                {
                     return broken("counts add up", place());
                 }
-                voxels_below[at] = voxels;
+                here.push(at, voxels);
                 statistics.nodes += 1;
                 at += HEADER_WORDS + children;
             }
-            (below_start, start) = (start, end);
+            here.finish();
+            (below, start) = (here, end);
         }
+        let counted = DagRef { height, log2: shape.log2, root: shape.root, words, counts, leaves };
         if let Some(root) = shape.root {
-            let at = root as usize;
-            if !(below_start..words.len()).contains(&at) || voxels_below[at] == NO_NODE {
+            let Some(voxels) = below.voxels(root as usize) else {
                 return broken("the root is a node of the greatest height", format!("word {root}"));
-            }
-            statistics.bricks = u64::from(counts[at]);
-            statistics.voxels = voxels_below[at];
+            };
+            statistics.bricks = counted.brick_count();
+            statistics.voxels = voxels;
         }
-        Ok((DagRef { height, log2: shape.log2, root: shape.root, words, counts, leaves }, statistics))
+        Ok((counted, statistics))
+    }
+}
+
+/// Where the nodes of one height start, and the voxels below each: a bit a word and 8 bytes a node.
+#[derive(Default)]
+struct Starts {
+    first: usize,
+    is_start: Vec<u64>,
+    /// Nodes before each word of `is_start`.
+    before: Vec<u32>,
+    voxels: Vec<u64>,
+}
+
+impl Starts {
+    fn new(first: usize, end: usize) -> Self {
+        let words = (end - first).div_ceil(64);
+        Starts { first, is_start: vec![0; words], before: Vec::with_capacity(words), voxels: Vec::new() }
+    }
+
+    /// The next node.
+    fn push(&mut self, at: usize, voxels: u64) {
+        let bit = at - self.first;
+        self.is_start[bit / 64] |= 1 << (bit % 64);
+        self.voxels.push(voxels);
+    }
+
+    fn finish(&mut self) {
+        let ones =
+            self.is_start.iter().scan(0, |sum, word| Some(std::mem::replace(sum, *sum + word.count_ones())));
+        self.before.extend(ones);
+    }
+
+    /// Voxels below the node at a word; `None` when no node of this height starts there.
+    fn voxels(&self, at: usize) -> Option<u64> {
+        let bit = at.checked_sub(self.first)?;
+        let word = self.is_start.get(bit / 64)?;
+        let rank = (word & ((1 << (bit % 64)) - 1)).count_ones() + self.before[bit / 64];
+        (word >> (bit % 64) & 1 == 1).then(|| self.voxels[rank as usize])
     }
 }
 

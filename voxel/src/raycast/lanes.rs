@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16, f64x8};
 
 use super::PACKET_RAYS;
-use super::ray::Walks;
+use super::ray::{RayLanes, Walks};
 use super::slabs::{MARGIN, RaySlabs, TileSlabs, rounded_down, rounded_up};
 use crate::bits::SetBits;
 
@@ -200,6 +200,54 @@ fn mask<S: Simd>(
         found |= test(f64x8::from_slice(simd, &lanes[start..start + F64_LANES])).to_bitmask() << start;
     }
     found
+}
+
+/// Least and greatest.
+#[inline(always)]
+fn extremes_f64<S: Simd>(simd: S, lanes: &[f64; PACKET_RAYS]) -> (f64, f64) {
+    let mut least = f64x8::from_slice(simd, &lanes[..F64_LANES]);
+    let mut greatest = least;
+    for group in 1..PACKET_RAYS / F64_LANES {
+        let start = group * F64_LANES;
+        let lanes = f64x8::from_slice(simd, &lanes[start..start + F64_LANES]);
+        (least, greatest) = (least.min(lanes), greatest.max(lanes));
+    }
+    (least.reduce_min(), greatest.reduce_max())
+}
+
+impl RayLanes<PACKET_RAYS> {
+    /// The octant of all rays and their common bounds, straight from what was given; `None` when they go to several
+    /// octants, or are too far off or too oddly scaled for f32.
+    ///
+    /// Rays from one eye keep one origin here, however far it is: these bounds are tighter than those of rays that
+    /// were re-based one by one.
+    #[inline(always)]
+    pub fn tile<S: Simd>(&self, simd: S, tree_side: f64) -> Option<(u32, TileSlabs)> {
+        const STEEP: f64 = 1.0 / (1u64 << 20) as f64;
+        let mut tile = TileSlabs::default();
+        let mut flip = 0;
+        for k in 0..3 {
+            let (least, greatest) = extremes_f64(simd, &self.direction[k]);
+            let (low, high) = extremes_f64(simd, &self.origin[k]);
+            let falls = greatest < 0.0;
+            let (slow, fast) = if falls { (-greatest, -least) } else { (least, greatest) };
+            let farthest = if high > -low { high } else { -low };
+            if !(slow > STEEP && fast < 1.0 / STEEP && farthest <= 16.0 * tree_side) {
+                return None;
+            }
+            // Twice as far, twice the error.
+            let margin = MARGIN * if farthest > 2.0 * tree_side { farthest } else { 2.0 * tree_side };
+            let (low, high) = if falls { (tree_side - high, tree_side - low) } else { (low, high) };
+            tile.low[k] = (low - margin) as f32;
+            tile.high[k] = (high + margin) as f32;
+            tile.least_inverse[k] = (1.0 / fast) as f32;
+            tile.greatest_inverse[k] = (1.0 / slow) as f32;
+            flip |= u32::from(falls) << k;
+        }
+        tile.t_min = rounded_down(extremes_f64(simd, &self.t_min).0);
+        tile.t_max = rounded_up(extremes_f64(simd, &self.t_max).1);
+        Some((flip, tile))
+    }
 }
 
 /// Which rays of a packet meet the grid, which of them with a parameter of their own, and which fall along each axis.

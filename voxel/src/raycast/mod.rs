@@ -17,12 +17,13 @@
 //! |---|---|---|
 //! | [`DagRef::cast`] | the reference | scalar, from cell to cell, integers and f64 |
 //! | [`RayCaster::cast`] | one ray, all its voxels | all 64 children of a node at once, f32 SIMD |
-//! | [`RayCaster::first_hits`], [`RayCaster::any_hits`] | many unrelated rays | the same, several rays interleaved |
+//! | [`RayCaster::cast_batch`], [`RayCaster::any_hits`] | many unrelated rays | the same, several rays interleaved |
 //! | [`RayCaster::cast_packet`] | up to 64 rays of a tile of pixels | the tile's frustum, then lanes of rays |
 //!
 //! The SIMD paths discard with f32 tests that are widened by a bound of their error, and decide in f64 by the rule above wherever f32
 //! leaves a doubt. So every path gives the same voxels as the reference, in the same order, on every processor.
 
+mod batch;
 mod lanes;
 mod packet;
 mod ray;
@@ -104,14 +105,19 @@ impl VoxelHit<'_> {
     }
 
     /// Ordinal of its brick in depth-first order, for [`crate::dag::OwnersRef::of_brick`].
-    pub fn brick_ordinal(&self) -> u32 {
+    pub fn brick_ordinal(&self) -> u64 {
         (1..=self.dag.height)
             .map(|height| {
-                let node = self.nodes[height as usize];
-                let word = child_word(mask_at(self.dag.words, node), node, slot(self.voxel, 2 * height));
-                self.dag.counts[word]
+                self.dag.bricks_before(height, self.nodes[height as usize], slot(self.voxel, 2 * height))
             })
             .sum()
+    }
+
+    /// Mask of the occupied voxels of its brick, for [`crate::dag::OwnersRef::of_brick`].
+    pub fn brick_mask(&self) -> u64 {
+        let node = self.nodes[1];
+        let word = child_word(mask_at(self.dag.words, node), node, slot(self.voxel, 2));
+        self.dag.leaves[self.dag.words[word] as usize]
     }
 }
 
@@ -235,6 +241,23 @@ impl<'a> RayCaster<'a> {
     pub fn cast(&self, ray: &GridRay, mut visit: impl FnMut(&VoxelHit) -> Next) {
         let Self { dag, footprint, .. } = self;
         with_simd!(self.instructions, simd => single::cast(simd, dag, ray, *footprint, &mut visit));
+    }
+
+    /// [`RayCaster::cast`] for each of many unrelated rays, such as shadow rays; `visit` also gets the ray's number. Hits
+    /// of one ray come nearest first, those of different rays in any order.
+    pub fn cast_batch(&self, rays: &[GridRay], mut visit: impl FnMut(usize, &VoxelHit) -> Next) {
+        let Self { dag, footprint, .. } = self;
+        with_simd!(self.instructions, simd => batch::cast(simd, dag, rays, *footprint, &mut visit));
+    }
+
+    /// Which of the rays cross an occupied voxel, `found` one for each.
+    pub fn any_hits(&self, rays: &[GridRay], found: &mut Vec<bool>) {
+        found.clear();
+        found.resize(rays.len(), false);
+        self.cast_batch(rays, |ray, _| {
+            found[ray] = true;
+            Next::End
+        });
     }
 
     /// [`RayCaster::cast`] for each ray of a packet; `visit` also gets the ray's number. Rays of a packet should be

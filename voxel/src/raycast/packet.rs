@@ -5,7 +5,7 @@ use fearless_simd::Simd;
 use super::lanes::{Kinds, Lanes};
 use super::ray::{RayLanes, WalkRef, Walks};
 use super::single::{Subtree, cast_alone, cast_brick, cast_subtree, child_corner, child_size, true_corner};
-use super::slabs::Columns;
+use super::slabs::{Columns, TileSlabs};
 use super::{Footprint, GridRay, MAX_STACK, Next, VoxelHit};
 use crate::bits::{SetBits, mirror, mirror_slot};
 use crate::dag::DagRef;
@@ -48,6 +48,11 @@ impl RayPacket {
             self.rays.set(i, &ray);
             self.count = i + 1;
         }
+        // Lanes without a ray repeat the last one, so that the tile's bounds are those of its rays.
+        if let Some(last) = self.count.checked_sub(1) {
+            let last = self.rays.get(last);
+            (self.count..PACKET_RAYS).for_each(|i| self.rays.set(i, &last));
+        }
         self.count
     }
 }
@@ -62,66 +67,87 @@ pub(super) fn cast<S: Simd>(
     visit: &mut impl FnMut(usize, &VoxelHit) -> Next,
 ) {
     let Some(root) = dag.root else { return };
-    let RayPacket { rays, count, walks, lanes } = packet;
-    walks.enter(rays, f64::from(1 << dag.log2));
-    let kinds = Kinds::new(simd, walks, *count);
     let columns = Columns::new(simd);
+    let tree_side = f64::from(dag.tree_side());
     let mut nodes = [0u32; MAX_STACK];
     nodes[dag.height as usize] = root;
-    // Rays whose parameter is not that of the others.
-    let mut apart = kinds.scaled;
-    // Usually all rays go to the same octant; a tile across an axis is done in parts.
-    let mut waiting = kinds.inside & !kinds.scaled;
-    while waiting != 0 {
-        let flip = kinds.flip(waiting.trailing_zeros());
-        let rays = waiting & kinds.of_octant(flip);
-        waiting &= !rays;
-        let far_off = lanes.set_up(simd, walks, rays, flip, f64::from(dag.tree_side()));
-        apart |= far_off;
-        if rays != far_off {
-            trace(columns, dag, walks, lanes, &mut nodes, rays & !far_off, flip, footprint, visit);
+    let apart = if let Some((flip, tile)) = packet.rays.tile(simd, tree_side) {
+        trace(columns, dag, packet, &mut nodes, flip, &tile, None, footprint, visit)
+    } else {
+        // A tile across an axis is done in parts.
+        let RayPacket { rays, count, walks, .. } = &mut *packet;
+        walks.enter(rays, f64::from(1 << dag.log2));
+        let kinds = Kinds::new(simd, walks, *count);
+        // Rays whose parameter is not that of the others.
+        let mut apart = kinds.scaled;
+        let mut waiting = kinds.inside & !kinds.scaled;
+        while waiting != 0 {
+            let flip = kinds.flip(waiting.trailing_zeros());
+            let rays = waiting & kinds.of_octant(flip);
+            waiting &= !rays;
+            let far_off = packet.lanes.set_up(simd, &packet.walks, rays, flip, tree_side);
+            apart |= far_off;
+            if rays != far_off {
+                let tile = packet.lanes.tile;
+                let ready = Some(rays & !far_off);
+                trace(columns, dag, packet, &mut nodes, flip, &tile, ready, footprint, visit);
+            }
         }
-    }
+        apart
+    };
     for i in SetBits(apart) {
         let i = i as usize;
-        cast_alone(columns, dag, &walks.get(i), &mut nodes, footprint, &mut |hit| visit(i, hit));
+        cast_alone(columns, dag, &packet.walks.get(i), &mut nodes, footprint, &mut |hit| visit(i, hit));
     }
 }
 
-/// Traces rays of one octant from the root, which is in `nodes` already.
+/// Traces rays of one octant from the root, which is in `nodes` already: those named, whose lanes are set up, or all. In
+/// that case lanes are set up when the first of them is needed: many tiles meet nothing at all. Returns the
+/// rays that have to go alone.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "the state of one traversal, all of it")]
 fn trace<S: Simd>(
     columns: Columns<S>,
     dag: &DagRef,
-    walks: &Walks<PACKET_RAYS>,
-    lanes: &Lanes,
+    packet: &mut RayPacket,
     nodes: &mut [u32; MAX_STACK],
-    rays: u64,
     flip: u32,
+    tile: &TileSlabs,
+    ready: Option<u64>,
     footprint: Footprint,
     visit: &mut impl FnMut(usize, &VoxelHit) -> Next,
-) {
+) -> u64 {
     let simd = columns.witness();
     let top = dag.height as usize;
     let slot_flip = mirror_slot(flip);
-    let mut alive = rays;
+    let (mut is_ready, mut alive) = (ready.is_some(), ready.unwrap_or(u64::MAX));
+    let mut apart = 0;
     let mut corners = [[0.0f32; 3]; MAX_STACK];
     let mut left = [0u64; MAX_STACK];
     let mut rays_at = [0u64; MAX_STACK];
     let mut height = top;
     let occupied = mirror(mask_at(dag.words, nodes[top]), flip);
-    left[top] = occupied & lanes.tile.children(columns, corners[top], child_size(top));
+    left[top] = occupied & tile.children(columns, corners[top], child_size(top));
     rays_at[top] = alive;
     loop {
         let mut rays = rays_at[height] & alive;
         if left[height] == 0 || rays == 0 {
             if alive == 0 || height == top {
-                return;
+                return apart;
             }
             height += 1;
             continue;
         }
+        if height <= RAY_TEST_HEIGHT && !is_ready {
+            let RayPacket { rays: given, count, walks, lanes } = &mut *packet;
+            walks.enter(given, f64::from(1 << dag.log2));
+            let inside = Kinds::new(simd, walks, *count).inside;
+            apart = lanes.set_up(simd, walks, inside, flip, f64::from(dag.tree_side()));
+            alive = inside & !apart;
+            is_ready = true;
+            continue;
+        }
+        let RayPacket { walks, lanes, .. } = &*packet;
         let bit = left[height].trailing_zeros();
         left[height] &= left[height] - 1;
         let size = child_size(height);
@@ -137,14 +163,15 @@ fn trace<S: Simd>(
         let child = dag.words[child_word(mask, node, bit ^ slot_flip)];
         if height == 1 {
             let leaf = mirror(dag.leaves[child as usize], flip);
-            alive &= !brick(columns, dag, walks, lanes, nodes, rays, flip, corner, leaf, footprint, visit);
+            alive &=
+                !brick(columns, dag, walks, lanes, tile, nodes, rays, flip, corner, leaf, footprint, visit);
             continue;
         }
         nodes[height - 1] = child;
         let occupied = mirror(mask_at(dag.words, child), flip);
-        let candidates = occupied & lanes.tile.children(columns, corner, child_size(height - 1));
+        let candidates = occupied & tile.children(columns, corner, child_size(height - 1));
         // A child costs a test of all rays, a ray a test of all children: whichever are fewer.
-        if rays.count_ones() > RAYS_PER_CHILD * candidates.count_ones() {
+        if !is_ready || rays.count_ones() > RAYS_PER_CHILD * candidates.count_ones() {
             height -= 1;
             corners[height] = corner;
             left[height] = candidates;
@@ -172,6 +199,7 @@ fn brick<S: Simd>(
     dag: &DagRef,
     walks: &Walks<PACKET_RAYS>,
     lanes: &Lanes,
+    tile: &TileSlabs,
     nodes: &[u32; MAX_STACK],
     rays: u64,
     flip: u32,
@@ -183,7 +211,7 @@ fn brick<S: Simd>(
     let simd = columns.witness();
     let mut ended = 0u64;
     let count = rays.count_ones();
-    let candidates = if count >= FEW_RAYS { leaf & lanes.tile.children(columns, corner, 1.0) } else { leaf };
+    let candidates = if count >= FEW_RAYS { leaf & tile.children(columns, corner, 1.0) } else { leaf };
     if count < FEW_RAYS || count <= RAYS_PER_VOXEL * candidates.count_ones() || !footprint.is_zero() {
         for i in SetBits(rays) {
             let i = i as usize;

@@ -83,7 +83,7 @@ impl Walk {
             scale,
         };
         let (mut t_in, mut t_out) = (ray.t_min * scale, ray.t_max * scale);
-        let mut finite = largest > 0.0 && largest < f64::INFINITY && !t_out.is_nan();
+        let mut finite = largest > 0.0 && largest < f64::INFINITY && !t_in.is_nan() && !t_out.is_nan();
         for k in 0..3 {
             let d = given[k] / scale;
             let parallel = d.abs() < negligible;
@@ -274,10 +274,10 @@ impl<const N: usize> Walks<N> {
 /// Rays of grid space, lane by lane.
 #[derive(Clone, Debug)]
 pub(super) struct RayLanes<const N: usize> {
-    origin: [[f64; N]; 3],
-    direction: [[f64; N]; 3],
-    t_min: [f64; N],
-    t_max: [f64; N],
+    pub origin: [[f64; N]; 3],
+    pub direction: [[f64; N]; 3],
+    pub t_min: [f64; N],
+    pub t_max: [f64; N],
 }
 
 impl<const N: usize> RayLanes<N> {

@@ -1,146 +1,143 @@
-//! One block: triangles to bricks, bricks to a sub-DAG with owner runs.
+//! One block: triangles to bricks, bricks to nodes with owners.
 
-use super::bin::{Bins, Block, Source};
+use super::cell::Cell;
 use super::overlap::TriangleOverlap;
-use super::{Drawables, SnappedMesh, SnappedTriangle};
+use super::{SnappedTriangle, task::SubDag};
 use crate::dag::DagError;
-use crate::dag::build::{DagTables, NodeDraft};
+use crate::dag::build::NodeDraft;
 use crate::dag::node::slot;
-use crate::dag::owners::OwnerBuilder;
 
-/// No entry.
+/// Largest height of a block: 256 voxels a side.
+pub(super) const MAX_BLOCK_HEIGHT: u32 = 3;
+/// No part.
 const NONE: u32 = u32::MAX;
-
-/// Sub-DAG of a block.
-pub(super) struct BuiltBlock {
-    pub tables: DagTables,
-    /// Offset of the block's node in the top table.
-    pub root: u32,
-    pub owners: OwnerBuilder,
-}
 
 /// What one drawable occupies of one brick; a list for each brick, the latest drawable first.
 struct BrickPart {
+    mask: u64,
     drawable: u32,
     next: u32,
-    mask: u64,
 }
 
-/// Working memory of a thread.
-#[derive(Default)]
-pub(super) struct Scratch {
-    mesh: SnappedMesh,
+/// The bricks of one block at a time. Between blocks it is empty.
+pub(super) struct BlockBuilder {
+    height: u32,
     /// Voxels a side of the grid: nothing is made beyond, even where the tree reaches farther.
     side: i32,
-    /// First part of each brick of the block, by depth-first index; reset after each block through `touched`.
+    corner: [i32; 3],
+    /// For each height from 1 up to the block's, the masks of all nodes that the block may have, by depth-first index.
+    masks: [Vec<u64>; MAX_BLOCK_HEIGHT as usize],
+    /// First part of each brick, by depth-first index; means something where the brick's bit in `masks[0]` is set.
     first_part: Vec<u32>,
     parts: Vec<BrickPart>,
-    /// Depth-first indices of occupied bricks.
-    touched: Vec<u32>,
+    /// Reused, one for each height.
+    drafts: [NodeDraft; MAX_BLOCK_HEIGHT as usize],
+    of_brick: Vec<(u32, u64)>,
 }
 
-impl Scratch {
-    /// Voxelizes a block. `None` when no triangle touches it after all.
-    pub fn build(
-        &mut self,
-        block: &Block,
-        bins: &Bins,
-        drawables: &dyn Drawables,
-        block_height: u32,
-        side: i32,
-    ) -> Result<Option<BuiltBlock>, DagError> {
-        self.side = side;
-        self.first_part.resize(1 << (6 * block_height), NONE);
-        for entry in bins.entries(block) {
-            match entry.source {
-                Source::Whole => {
-                    let mut mesh = std::mem::take(&mut self.mesh);
-                    drawables.load(entry.drawable, &mut mesh);
-                    mesh.iter().for_each(|t| self.add(entry.drawable, t, block.corner, block_height));
-                    self.mesh = mesh;
-                }
-                Source::Binned { batch, start, count } => {
-                    let triangles = bins.triangles(batch, start, count);
-                    triangles.iter().for_each(|&t| self.add(entry.drawable, t, block.corner, block_height));
-                }
-            }
-            let triangles = match entry.source {
-                Source::Whole => self.mesh.triangles.len() as u64,
-                Source::Binned { count, .. } => count as u64,
-            };
-            if drawables.advance(triangles) {
-                return Err(DagError::Cancelled);
-            }
-        }
-        self.touched.sort_unstable();
-        let built = self.sub_dag(block_height);
-        for &brick in &self.touched {
-            self.first_part[brick as usize] = NONE;
-        }
-        self.touched.clear();
-        self.parts.clear();
-        built
-    }
-
-    /// Adds the bricks of the block that a triangle touches.
-    fn add(&mut self, drawable: u32, triangle: SnappedTriangle, corner: [i32; 3], block_height: u32) {
-        let side = self.side;
-        TriangleOverlap::new(triangle).for_each_brick(
-            corner,
-            2 * block_height + 2,
+impl BlockBuilder {
+    /// For blocks of this height, at most [`MAX_BLOCK_HEIGHT`], in a grid of `side` voxels.
+    pub fn new(height: u32, side: i32) -> Self {
+        let nodes = |below_top: u32| vec![0; 1 << (6 * below_top)];
+        let masks = [1, 2, 3].map(|h| if h <= height { nodes(height - h) } else { Vec::new() });
+        BlockBuilder {
+            height,
             side,
-            &mut |brick, mask| {
-                self.add_mask(drawable, [0, 1, 2].map(|k| brick[k] - corner[k]), mask);
-            },
-        );
+            corner: [0; 3],
+            masks,
+            first_part: vec![NONE; 1 << (6 * height)],
+            parts: Vec::new(),
+            drafts: Default::default(),
+            of_brick: Vec::new(),
+        }
     }
 
+    /// The block that the next triangles are for.
+    pub fn begin(&mut self, block: Cell) {
+        self.corner = block.corner;
+    }
+
+    /// Adds the bricks of the block that a triangle touches. Drawables must come in rising order.
+    #[inline]
+    pub fn add(&mut self, drawable: u32, triangle: &SnappedTriangle) {
+        let (corner, shift, side) = (self.corner, 2 * self.height + 2, self.side);
+        TriangleOverlap::new(*triangle).for_each_brick(corner, shift, side, &mut |brick, mask| {
+            self.add_mask(drawable, [0, 1, 2].map(|k| brick[k] - corner[k]), mask);
+        });
+    }
+
+    #[inline]
     fn add_mask(&mut self, drawable: u32, brick_in_block: [i32; 3], mask: u64) {
-        let index = (1..4).rev().fold(0, |index, h| index << 6 | slot(brick_in_block, 2 * h));
-        let first = self.first_part[index as usize];
-        // Drawables come in rising order, so that a brick's latest part is this drawable's or an earlier one's.
-        match self.parts.get_mut(first as usize) {
+        let index = (1..=MAX_BLOCK_HEIGHT).rev().fold(0, |index, h| index << 6 | slot(brick_in_block, 2 * h));
+        let (node, bit) = (index as usize >> 6, 1 << (index & 63));
+        let first = &mut self.first_part[index as usize];
+        if self.masks[0][node] & bit == 0 {
+            // New, and so may be its node and the node above.
+            self.masks[0][node] |= bit;
+            let mut above = index >> 6;
+            for masks in self.masks.iter_mut().take(self.height as usize).skip(1) {
+                masks[above as usize >> 6] |= 1 << (above & 63);
+                above >>= 6;
+            }
+            *first = self.parts.len() as u32;
+            self.parts.push(BrickPart { drawable, next: NONE, mask });
+            return;
+        }
+        // The brick's latest part is this drawable's or an earlier one's.
+        match self.parts.get_mut(*first as usize) {
             Some(part) if part.drawable == drawable => part.mask |= mask,
             _ => {
-                if first == NONE {
-                    self.touched.push(index);
-                }
-                self.first_part[index as usize] = self.parts.len() as u32;
-                self.parts.push(BrickPart { drawable, next: first, mask });
+                let next = std::mem::replace(first, self.parts.len() as u32);
+                self.parts.push(BrickPart { drawable, next, mask });
             }
         }
     }
 
-    /// Turns the touched bricks, sorted, into nodes bottom up.
-    fn sub_dag(&self, block_height: u32) -> Result<Option<BuiltBlock>, DagError> {
-        let mut tables = DagTables::new(block_height);
-        let mut owners = OwnerBuilder::default();
-        let mut of_brick: Vec<(u32, u64)> = Vec::new();
-        // (depth-first index, node or leaf, bricks) of the height just finished.
-        let mut children: Vec<(u32, u32, u32)> = Vec::with_capacity(self.touched.len());
-        for &brick in &self.touched {
-            of_brick.clear();
-            let mut at = self.first_part[brick as usize];
-            while let Some(part) = self.parts.get(at as usize) {
-                of_brick.push((part.drawable, part.mask));
-                at = part.next;
-            }
-            of_brick.reverse();
-            let mask = of_brick.iter().fold(0, |mask, (_, m)| mask | m);
-            children.push((brick, tables.intern_leaf(mask)?, 1));
-            owners.push(&of_brick)?;
+    /// Turns the bricks into nodes and owners, depth first. `None` when there are none.
+    pub fn finish(&mut self, out: &mut SubDag) -> Result<Option<u32>, DagError> {
+        let root = self.node(self.height, 0, out);
+        self.parts.clear();
+        root
+    }
+
+    fn node(&mut self, height: u32, index: u32, out: &mut SubDag) -> Result<Option<u32>, DagError> {
+        let level = height as usize - 1;
+        let mask = std::mem::take(&mut self.masks[level][index as usize]);
+        if mask == 0 {
+            return Ok(None);
         }
-        let mut draft = NodeDraft::default();
-        for height in 0..block_height as usize {
-            let mut parents = Vec::new();
-            for of_parent in children.chunk_by(|a, b| a.0 >> 6 == b.0 >> 6) {
-                draft.clear();
-                of_parent.iter().for_each(|&(key, child, bricks)| draft.push(key & 63, child, bricks));
-                let (node, bricks) = tables.heights[height].intern(&draft)?;
-                parents.push((of_parent[0].0 >> 6, node, bricks));
+        let mut draft = std::mem::take(&mut self.drafts[level]);
+        draft.begin(mask);
+        let mut left = mask;
+        while left != 0 {
+            let child = index << 6 | left.trailing_zeros();
+            left &= left - 1;
+            if height == 1 {
+                draft.push(self.brick(child, out)?);
+            } else if let Some(node) = self.node(height - 1, child, out)? {
+                draft.push(node);
             }
-            children = parents;
         }
-        Ok(children.first().map(|&(_, root, _)| BuiltBlock { tables, root, owners }))
+        let node = out.tables.heights[level].intern(&draft)?;
+        self.drafts[level] = draft;
+        Ok(Some(node))
+    }
+
+    /// Its leaf; its owners go to `out`.
+    fn brick(&mut self, index: u32, out: &mut SubDag) -> Result<u32, DagError> {
+        let part = &self.parts[self.first_part[index as usize] as usize];
+        if part.next == NONE {
+            out.owners.push_one(part.drawable);
+            return out.tables.intern_leaf(part.mask);
+        }
+        self.of_brick.clear();
+        let mut part = Some(part);
+        while let Some(&BrickPart { mask, drawable, next }) = part {
+            self.of_brick.push((drawable, mask));
+            part = self.parts.get(next as usize);
+        }
+        self.of_brick.reverse();
+        out.owners.push(&self.of_brick);
+        out.tables.intern_leaf(self.of_brick.iter().fold(0, |mask, (_, m)| mask | m))
     }
 }

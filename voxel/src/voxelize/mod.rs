@@ -1,28 +1,40 @@
-//! Conservative voxelization of drawables into a DAG with owners, block by block (Xue et al. 2016, section 3.2).
+//! Conservative voxelization of drawables into a DAG with owners, piece by piece (Xue et al. 2016, section 3.2).
 //!
-//! 1. *Bin*: drawables are loaded in batches of about equal triangle count; each drawable goes whole to the one block
-//!    that holds it, or its triangles go to the blocks that they touch.
-//! 2. *Build*: each block voxelizes its triangles into bricks and turns them into a sub-DAG with owner runs.
-//! 3. *Merge*: sub-DAGs join the global tables in depth-first order, and nodes above the blocks are made.
+//! 1. *Plan*: every drawable is loaded once for its box and size. From the root down, a cell whose drawables are too
+//!    much is cut into its 4^3 children; a cell whose drawables are little enough is a task.
+//! 2. *Build*, in parallel: a task loads its drawables again, narrows their triangles down to blocks of 256^3 voxels, makes the
+//!    bricks of each block, and turns them into one sub-DAG with owner pages.
+//! 3. *Join*, while others are built: sub-DAGs join the global tables in depth-first order, owner pages leave for the
+//!    caller's sink, and nodes above the tasks are made.
 //!
-//! Batches and blocks run in parallel, but what they give is joined in a fixed order: the same bits come out for any
-//! number of threads.
+//! Memory: the tables of the DAG, and a bounded number of tasks, each of bounded size. Bits: all tables are ordered by first
+//! occurrence in depth-first order, and owner pages end with blocks, so that the same bits come out for any
+//! number of threads and any way of cutting.
 
-mod bin;
 mod block;
+mod cell;
+mod join;
 pub mod overlap;
+mod pipeline;
+mod plan;
+mod task;
 
-use rayon::prelude::*;
+use std::io;
 
-use crate::dag::build::{DagTables, NodeDraft};
-use crate::dag::owners::{OwnerBuilder, OwnerTable};
-use crate::dag::{Dag, DagError, root_height};
+use cell::Cell;
+use join::Joiner;
+use pipeline::{Take, Work, run_in_order};
+use plan::{Task, Tasks};
+use task::{SubDag, TaskBuilder};
+
+use crate::dag::{Dag, DagError, OwnerTable, root_height};
 use crate::grid::Grid;
 
-/// Blocks are sub-trees of this height or of the whole grid: 256 voxels a side.
-const BLOCK_HEIGHT: u32 = 3;
-/// Blocks built between two merges, so that few sub-DAGs wait in memory.
-const BLOCKS_PER_ROUND: usize = 256;
+/// Tasks, for each thread, that may be begun and not joined. Many, so that threads go on while one dense task takes long:
+/// bytes are what bounds them.
+const WINDOW_PER_THREAD: usize = 32;
+/// Bytes that tasks begun and not joined may come to, however much memory there is.
+const WINDOW_BYTES: u64 = 1 << 28;
 
 /// A triangle's corners, snapped to 1/256 voxel ([`Grid::snap`]).
 pub type SnappedTriangle = [[i32; 3]; 3];
@@ -46,15 +58,83 @@ impl SnappedMesh {
 pub trait Drawables: Sync {
     /// How many.
     fn count(&self) -> u32;
-    /// Triangles of a drawable, to balance the work.
+    /// Triangles of a drawable, about: what [`Drawables::load`] gives counts.
     fn triangle_count(&self, drawable: u32) -> u32;
-    /// Replaces `mesh` by the drawable's triangles. Called at most twice for each, from any thread.
+    /// Replaces `mesh` by the drawable's triangles, the same ones each time. Called from any thread, once to plan and once
+    /// for each task whose cell the drawable's box touches: a few times for most, more for those that are much larger than a
+    /// task's cell. It should be cheap: decode and transform, read nothing from a disk.
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh);
-    /// `triangles` more are done; true when the work should stop.
+    /// `triangles` more are done (each counted once); true when the work should stop. Called often, also with 0.
     fn advance(&self, triangles: u64) -> bool {
         let _ = triangles;
         false
     }
+}
+
+/// Where owner pages go as they are made: memory, or a file.
+pub trait OwnerSink {
+    /// Stores words behind those before.
+    ///
+    /// # Errors
+    ///
+    /// Ends the voxelization.
+    fn append(&mut self, words: &[u64]) -> io::Result<()>;
+}
+
+impl OwnerSink for Vec<u64> {
+    fn append(&mut self, words: &[u64]) -> io::Result<()> {
+        self.extend_from_slice(words);
+        Ok(())
+    }
+}
+
+/// How the work is cut. Nothing here changes the result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Bytes that the DAG's tables and the work on them may hold: fewer tasks wait when it is short. `None` for no limit.
+    pub memory: Option<u64>,
+    /// A cell whose drawables have more triangles is cut.
+    pub task_triangles: u64,
+    /// A cell that holds more bricks, as estimated, is cut.
+    pub task_bricks: u64,
+    /// Height of the blocks, 1 to 3: 16, 64 or 256 voxels a side.
+    pub block_height: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            memory: None,
+            task_triangles: 1 << 18,
+            task_bricks: 1 << 20,
+            block_height: block::MAX_BLOCK_HEIGHT,
+        }
+    }
+}
+
+/// Why voxelization ended without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum VoxelizeError {
+    /// The DAG outgrows its form.
+    #[error(transparent)]
+    Dag(#[from] DagError),
+    /// The sink took no more owner pages.
+    #[error("the owners of the voxels cannot be stored: {0}")]
+    Owners(#[source] io::Error),
+    /// The result itself is larger than the memory that was allowed.
+    #[error(
+        "the voxel DAG alone needs more than {used} bytes of the {limit} that are left for it: \
+         choose a lower resolution, or allow more memory"
+    )]
+    Memory {
+        /// As set, bytes.
+        limit: u64,
+        /// Bytes of the tables when they outgrew it.
+        used: u64,
+    },
+    /// [`Drawables::advance`] said so.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 /// What voxelization gives.
@@ -66,36 +146,75 @@ pub struct Voxelized {
     pub owners: OwnerTable,
 }
 
+/// What [`voxelize_into`] gives: all but the owner pages, which went to the sink.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Streamed {
+    /// Occupied voxels.
+    pub dag: Dag,
+    /// First ordinal and first word of each owner page: [`OwnerTable::directory`].
+    pub owner_directory: Vec<[u64; 2]>,
+    /// Words of all owner pages.
+    pub owner_words: u64,
+    /// What it took.
+    pub cost: Cost,
+}
+
+/// How the work went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Cells built apart.
+    pub tasks: u64,
+    /// Triangles loaded, planning included; those of a drawable once for each task.
+    pub loaded_triangles: u64,
+}
+
 /// Voxelizes all drawables: a voxel is occupied, and owned by a drawable, if one of the drawable's triangles touches it
 /// ([`overlap`] says exactly when).
-pub fn voxelize(grid: &Grid, drawables: &dyn Drawables) -> Result<Voxelized, DagError> {
-    if drawables.count() > 1 << 31 {
-        return Err(DagError::TooManyOwners { what: "drawables" });
-    }
-    let height = root_height(grid.log2);
-    let block_height = height.min(BLOCK_HEIGHT);
-    let bins = bin::bin(drawables, block_height, grid.log2)?;
+///
+/// # Errors
+///
+/// The DAG outgrows 32-bit offsets, or the work was cancelled.
+pub fn voxelize(grid: &Grid, drawables: &dyn Drawables) -> Result<Voxelized, VoxelizeError> {
+    let mut pages = Vec::new();
+    let Streamed { dag, owner_directory, .. } =
+        voxelize_into(grid, drawables, &Settings::default(), &mut pages)?;
+    Ok(Voxelized { dag, owners: OwnerTable { directory: owner_directory, pages } })
+}
 
-    let mut tables = DagTables::new(height);
-    let mut owners = OwnerBuilder::default();
-    let mut upper = UpperNodes::new(block_height, height);
-    let blocks: Vec<bin::Block> = bins.blocks().collect();
-    for round in blocks.chunks(BLOCKS_PER_ROUND) {
-        let built: Vec<_> = round
-            .par_iter()
-            .map_init(block::Scratch::default, |scratch, block| {
-                scratch.build(block, &bins, drawables, block_height, grid.side() as i32)
-            })
-            .collect();
-        for (block, built) in round.iter().zip(built) {
-            let Some(built) = built? else { continue };
-            let (node, bricks) = tables.merge(&built.tables, built.root)?;
-            owners.append(&built.owners)?;
-            upper.push(&mut tables, block.key, node, bricks)?;
-        }
-    }
-    let root = upper.finish(&mut tables)?;
-    Ok(Voxelized { dag: tables.finish(grid.log2, root)?, owners: owners.finish() })
+/// Voxelizes all drawables within a limit of memory. Owner pages go to `sink` in order, while the rest is still being
+/// built.
+///
+/// # Errors
+///
+/// As [`voxelize`]; also when the sink fails, or when the DAG itself outgrows [`Settings::memory`].
+pub fn voxelize_into(
+    grid: &Grid,
+    drawables: &dyn Drawables,
+    settings: &Settings,
+    sink: &mut (dyn OwnerSink + Send),
+) -> Result<Streamed, VoxelizeError> {
+    let height = root_height(grid.log2);
+    let root = Cell { corner: [0; 3], height };
+    let tasks = Tasks::plan(drawables, settings, root).ok_or(VoxelizeError::Cancelled)?;
+    let build = Build {
+        drawables,
+        block_height: settings.block_height.clamp(1, height.min(block::MAX_BLOCK_HEIGHT)),
+        height,
+        side: grid.side() as i32,
+    };
+    let join = Join {
+        joiner: Joiner::new(height, sink),
+        memory: settings.memory,
+        drawables,
+        cost: Cost { tasks: 0, loaded_triangles: tasks.planned_triangles() },
+    };
+    let window = WINDOW_PER_THREAD * rayon::current_num_threads();
+    let (_, join, result) = run_in_order(tasks, &build, join, window);
+    result?;
+    let Join { joiner, cost, .. } = join;
+    let owner_words = joiner.owner_words();
+    let (dag, owner_directory) = joiner.finish(grid.log2)?;
+    Ok(Streamed { dag, owner_directory, owner_words, cost })
 }
 
 /// Visits all cells from `first` to `last`, both included, x fastest.
@@ -109,64 +228,54 @@ fn for_each_cell(first: [i32; 3], last: [i32; 3], mut visit: impl FnMut([i32; 3]
     }
 }
 
-/// Nodes above the blocks, made as the blocks come in depth-first order.
-struct UpperNodes {
+/// Builds tasks.
+struct Build<'a> {
+    drawables: &'a dyn Drawables,
     block_height: u32,
-    /// Draft of the open node of height `block_height + 1 + i`, and its key.
-    open: Vec<(NodeDraft, u64)>,
-    /// The only block when the block is the root.
-    single: Option<u32>,
+    height: u32,
+    side: i32,
 }
 
-impl UpperNodes {
-    fn new(block_height: u32, height: u32) -> Self {
-        let open = (block_height..height).map(|_| (NodeDraft::default(), 0)).collect();
-        UpperNodes { block_height, open, single: None }
+impl<'a> Work<Task, SubDag, VoxelizeError> for Build<'a> {
+    type Scratch = TaskBuilder<'a>;
+
+    fn scratch(&self) -> TaskBuilder<'a> {
+        TaskBuilder::new(self.drawables, self.block_height, self.height, self.side)
     }
 
-    /// The next block: `key` is its path from the root, six bits a height.
-    fn push(&mut self, tables: &mut DagTables, key: u64, node: u32, bricks: u32) -> Result<(), DagError> {
-        if self.open.is_empty() {
-            self.single = Some(node);
-        }
-        self.add(tables, 0, key, node, bricks)
+    fn run(&self, task: Task, scratch: &mut TaskBuilder<'a>) -> Result<SubDag, VoxelizeError> {
+        scratch.build(&task)
     }
 
-    /// Adds a child with path `key` to the open node `above`, closing it first when it is another one's child.
-    fn add(
-        &mut self,
-        tables: &mut DagTables,
-        above: usize,
-        key: u64,
-        node: u32,
-        bricks: u32,
-    ) -> Result<(), DagError> {
-        let Some((draft, open_key)) = self.open.get(above) else { return Ok(()) };
-        if !draft.is_empty() && *open_key != key >> 6 {
-            self.close(tables, above)?;
-        }
-        let (draft, open_key) = &mut self.open[above];
-        *open_key = key >> 6;
-        draft.push((key & 63) as u32, node, bricks);
-        Ok(())
+    fn bytes(&self, part: &SubDag) -> u64 {
+        part.bytes()
     }
+}
 
-    fn close(&mut self, tables: &mut DagTables, above: usize) -> Result<u32, DagError> {
-        let (draft, key) = &mut self.open[above];
-        let (node, bricks) = tables.heights[self.block_height as usize + above].intern(draft)?;
-        draft.clear();
-        let key = *key;
-        self.add(tables, above + 1, key, node, bricks)?;
-        Ok(node)
-    }
+/// Joins what tasks give, within the limit of memory.
+struct Join<'a> {
+    joiner: Joiner<'a>,
+    memory: Option<u64>,
+    drawables: &'a dyn Drawables,
+    cost: Cost,
+}
 
-    fn finish(mut self, tables: &mut DagTables) -> Result<Option<u32>, DagError> {
-        let mut root = self.single;
-        for above in 0..self.open.len() {
-            if !self.open[above].0.is_empty() {
-                root = Some(self.close(tables, above)?);
+impl Take<SubDag, VoxelizeError> for Join<'_> {
+    fn take(&mut self, part: SubDag) -> Result<(), VoxelizeError> {
+        self.joiner.add(&part)?;
+        self.cost.tasks += 1;
+        self.cost.loaded_triangles += part.loaded_triangles;
+        if let Some(limit) = self.memory {
+            let used = self.joiner.bytes();
+            if used > limit {
+                return Err(VoxelizeError::Memory { limit, used });
             }
         }
-        Ok(root)
+        if self.drawables.advance(part.new_triangles) { Err(VoxelizeError::Cancelled) } else { Ok(()) }
+    }
+
+    fn allowance(&self) -> u64 {
+        let left = self.memory.map_or(u64::MAX, |limit| limit.saturating_sub(self.joiner.bytes()));
+        left.min(WINDOW_BYTES)
     }
 }
