@@ -140,6 +140,11 @@ fn rays_that_are_none_hit_nothing() {
         (DVec3::NAN, DVec3::X),
         (inside, DVec3::INFINITY),
         (DVec3::INFINITY, DVec3::NEG_ONE),
+        // One bad component among good ones.
+        (inside, DVec3::new(f64::NAN, -1.0, 2.0)),
+        (inside, DVec3::new(-1.0, 2.0, f64::NAN)),
+        (inside, DVec3::new(1.0, f64::NEG_INFINITY, 2.0)),
+        (DVec3::new(f64::NAN, 20.0, 20.0), DVec3::X),
     ] {
         assert_eq!(dag.first_hit(&GridRay::new(origin, direction)), None);
     }

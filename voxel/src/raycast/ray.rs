@@ -84,7 +84,7 @@ impl Walk {
             scale,
         };
         let (mut t_in, mut t_out) = (ray.t_min * scale, ray.t_max * scale);
-        let mut finite = largest > 0.0 && largest < f64::INFINITY && !t_out.is_nan();
+        let mut finite = largest > 0.0 && largest < f64::INFINITY && !t_in.is_nan() && !t_out.is_nan();
         for k in 0..3 {
             let d = given[k] / scale;
             let parallel = d.abs() < negligible;
@@ -96,7 +96,7 @@ impl Walk {
             let everywhere = if within { f64::INFINITY } else { f64::NEG_INFINITY };
             t_in = larger(t_in, if parallel { -everywhere } else { smaller(a, b) });
             t_out = smaller(t_out, if parallel { everywhere } else { larger(a, b) });
-            finite &= origin[k].abs() < f64::INFINITY;
+            finite &= origin[k].abs() < f64::INFINITY && given[k].abs() < f64::INFINITY;
         }
         let inside = finite && t_in <= t_out && t_in.abs() < f64::INFINITY;
         for k in 0..3 {
