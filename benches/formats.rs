@@ -262,10 +262,9 @@ fn run(options: &Options, name: &str, path: &Path) {
     }
     println!("\nThe library's scalar reference: {:.2} Mrays/s.", median(rates.pop().unwrap()));
     println!(
-        "Beside the format: {} bytes of brick counts ({} at height 1, where a count is a rank), {} bytes of owners.",
+        "Beside the format: {} bytes of brick counts, {} bytes of owners.",
         size_of_val(container.dag_counts()),
-        scene.meta().dag_shape().height_ends[0] as usize * size_of::<u32>(),
-        size_of_val(container.owner_runs()) + size_of_val(container.owner_lists())
+        size_of_val(container.owner_directory()) + size_of_val(container.owner_pages())
     );
 }
 

@@ -1,7 +1,7 @@
 //! Light, shadow and colour of one ray.
 
 use glam::DVec3;
-use voxsight_voxel::raycast::{GridRay, Next};
+use voxsight_voxel::raycast::{GridRay, Next, RayCaster};
 
 use super::{RenderScene, RenderSettings};
 use crate::camera::CameraRays;
@@ -134,7 +134,7 @@ impl<'a> Shader<'a> {
     fn meets_opaque_voxel(&self, ray: &GridRay) -> bool {
         let query = &self.scene.query;
         let mut met = false;
-        query.dag.cast(ray, |hit| {
+        RayCaster::new(query.dag).cast(ray, |hit| {
             let owners = query.owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
             met = owners.of_voxel(hit.bit()).any(|owner| !query.exact.is_transparent(owner));
             if met { Next::End } else { Next::Voxel }

@@ -1,7 +1,7 @@
 //! Queries through the voxel DAG: `voxel` and `hybrid`.
 
 use voxsight_voxel::dag::Owners;
-use voxsight_voxel::raycast::{GridRay, Next, VoxelHit};
+use voxsight_voxel::raycast::{GridRay, Next, RayCaster, VoxelHit};
 
 use super::{QueryScene, RayQuery, Scratch, VisibleSet};
 use crate::exact::TriangleHit;
@@ -58,7 +58,7 @@ impl RayQuery for VoxelQuery<'_> {
         let passed = &mut scratch.asked;
         passed.clear();
         let mut any = false;
-        self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
+        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, ray), |hit| {
             any = true;
             let of_voxel = owners.of_brick(&self.scene, hit).of_voxel(hit.bit());
             let mut first_opaque = None;
@@ -113,7 +113,7 @@ impl RayQuery for HybridQuery<'_> {
         let mut accepted: Option<(u32, f64)> = None;
         // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
         let slack = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
-        self.scene.dag.cast(&grid_ray(&self.scene, ray), |hit| {
+        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, ray), |hit| {
             if best.is_some_and(|best| hit.t() > best.t + slack) {
                 return Next::End;
             }

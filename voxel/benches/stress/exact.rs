@@ -82,9 +82,9 @@ impl ExactLine {
     /// the faces count is decided by `closed`.
     fn inside(&self, voxel: [i32; 3], margin: i128, closed: bool) -> Option<(Fraction, Fraction)> {
         let (mut t_in, mut t_out) = (self.t_min, self.t_max);
-        for k in 0..3 {
-            let low = i128::from(voxel[k]) * self.voxel + margin - self.origin[k];
-            let high = i128::from(voxel[k] + 1) * self.voxel - margin - self.origin[k];
+        for (k, cell) in voxel.into_iter().enumerate() {
+            let low = i128::from(cell) * self.voxel + margin - self.origin[k];
+            let high = i128::from(cell + 1) * self.voxel - margin - self.origin[k];
             let d = self.direction[k];
             if d == 0 {
                 let within = if closed { low <= 0 && 0 <= high } else { low < 0 && 0 < high };

@@ -110,6 +110,7 @@ pub fn judge(oracle: &impl Oracle, nearby: &[[i32; 3]], met: &[([i32; 3], f64)])
 }
 
 /// Both kinds: the exact one where the grid is small and the ray has few bits.
+#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack")]
 pub enum Judge {
     Exact(ExactLine),
     Float,
