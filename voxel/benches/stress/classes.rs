@@ -6,9 +6,9 @@
 use glam::DVec3;
 use voxsight_voxel::raycast::{GridRay, PACKET_RAYS};
 
-use crate::line::power;
-use crate::random::Random;
-use crate::scenes::Scene;
+use super::line::power;
+use super::random::Random;
+use super::scenes::Scene;
 
 /// What is special about a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@
 
 use voxsight_voxel::raycast::GridRay;
 
-use crate::oracles::{KNOWN, Oracle};
+use super::oracles::{KNOWN, Oracle};
 
 /// Bits of the direction's components.
 const DIRECTION_BITS: u32 = 24;
@@ -82,7 +82,7 @@ impl ExactLine {
     /// the faces count is decided by `closed`.
     fn inside(&self, voxel: [i32; 3], margin: i128, closed: bool) -> Option<(Fraction, Fraction)> {
         let (mut t_in, mut t_out) = (self.t_min, self.t_max);
-        for (k, cell) in voxel.into_iter().enumerate() {
+        for (k, &cell) in voxel.iter().enumerate() {
             let low = i128::from(cell) * self.voxel + margin - self.origin[k];
             let high = i128::from(cell + 1) * self.voxel - margin - self.origin[k];
             let d = self.direction[k];
@@ -111,7 +111,7 @@ impl ExactLine {
 
 impl Oracle for ExactLine {
     fn parameter(&self, t: f64) -> f64 {
-        crate::line::scaled(t, self.exponent)
+        super::line::scaled(t, self.exponent)
     }
 
     fn must_meet(&self, voxel: [i32; 3]) -> Option<f64> {

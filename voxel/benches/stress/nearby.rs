@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::line::Line;
+use super::line::Line;
 
 /// Voxels, or boxes, in a box.
 const FANOUT: usize = 8;

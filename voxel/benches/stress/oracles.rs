@@ -3,10 +3,7 @@
 //! A voxel *must* be met when the ray is inside it, deeper than f64 can resolve the ray ([`KNOWN`] of the distance of
 //! its origin), for more than 2^-10 voxel of its length. It *may* be met when the ray passes within 2^-10 voxel.
 
-use voxsight_voxel::raycast::GridRay;
-
-use crate::exact::ExactLine;
-use crate::line::{Line, power};
+use super::line::{Line, power};
 use glam::DVec3;
 
 /// The part of a ray's largest coordinate to which f64 knows where the ray is: some roundings of 2^-53 each.
@@ -107,31 +104,4 @@ pub fn judge(oracle: &impl Oracle, nearby: &[[i32; 3]], met: &[([i32; 3], f64)])
         verdict.wrong += u64::from(misplaced || late);
     }
     verdict
-}
-
-/// Both kinds: the exact one where the grid is small and the ray has few bits.
-#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack")]
-pub enum Judge {
-    Exact(ExactLine),
-    Float,
-}
-
-impl Judge {
-    pub fn new(ray: &GridRay, side: f64, small: bool) -> Self {
-        match ExactLine::new(ray, side).filter(|_| small) {
-            Some(exact) => Judge::Exact(exact),
-            None => Judge::Float,
-        }
-    }
-
-    pub fn is_exact(&self) -> bool {
-        matches!(self, Judge::Exact(_))
-    }
-
-    pub fn judge(&self, line: &Line, side: f64, nearby: &[[i32; 3]], met: &[([i32; 3], f64)]) -> Verdict {
-        match self {
-            Judge::Exact(exact) => judge(exact, nearby, met),
-            Judge::Float => judge(&FloatOracle::new(line, side), nearby, met),
-        }
-    }
 }

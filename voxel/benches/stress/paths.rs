@@ -3,7 +3,7 @@
 use voxsight_voxel::dag::DagRef;
 use voxsight_voxel::raycast::{Footprint, GridRay, Instructions, Next, RayCaster, RayPacket, VoxelHit};
 
-use crate::random::{Random, mixed};
+use super::random::{Random, mixed};
 
 /// A way to cast rays; a new one belongs here, in [`Path::Reference`]'s company or with instruction sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,11 +107,14 @@ impl Met {
             self.backwards += u64::from(!matches!(t.partial_cmp(&self.last.1), Some(o) if o.is_ge()));
             // A whole brick counts as the brick, wherever in it the voxel before was.
             let shift = if hit.whole_brick || self.last.2 { 2 } else { 0 };
-            let moves = [0, 1, 2].map(|k| {
-                let by = (voxel[k] >> shift) - (self.last.0[k] >> shift);
-                if ray.direction[k] < 0.0 { -by } else { by }
-            });
-            let onwards = moves.iter().all(|&by| by >= 0) && moves.iter().any(|&by| by > 0);
+            let (mut back, mut on) = (false, false);
+            for (k, c) in voxel.into_iter().enumerate() {
+                let by = (c >> shift) - (self.last.0[k] >> shift);
+                let falls = ray.direction[k] < 0.0;
+                back |= if falls { by > 0 } else { by < 0 };
+                on |= by != 0;
+            }
+            let onwards = on && !back;
             self.repeated += u64::from(!onwards);
         }
         self.hits += 1;

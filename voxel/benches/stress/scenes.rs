@@ -3,9 +3,9 @@
 use voxsight_voxel::dag::Dag;
 use voxsight_voxel::voxelize::{VoxelizeError, voxelize};
 
-use crate::common::{Soup, random_soup_within, unit_grid};
-use crate::nearby::Nearby;
-use crate::random::Random;
+use super::common::{Soup, random_soup_within, unit_grid};
+use super::nearby::Nearby;
+use super::random::Random;
 
 /// A voxelized scene with the list of its occupied voxels.
 pub struct Scene {

@@ -2,7 +2,7 @@
 
 use std::ops::{Index, IndexMut};
 
-use crate::classes::Class;
+use super::classes::Class;
 
 /// What is counted, in the order of the table's columns.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +23,7 @@ pub enum Count {
     Float,
     /// Rays of which a path gave an answer of its own.
     Differing,
-    /// See [`crate::oracles::Verdict`].
+    /// See [`super::oracles::Verdict`].
     Missed,
     Wrong,
     /// Hits with a smaller t than the one before.
@@ -32,7 +32,7 @@ pub enum Count {
     Repeated,
     /// Rays with more hits than a line can have.
     Endless,
-    /// No failure, see [`crate::oracles::Verdict`].
+    /// No failure, see [`super::oracles::Verdict`].
     Grazed,
 }
 
