@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail by panicking, as tests do")]
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -69,7 +70,9 @@ fn models() -> Option<PathBuf> {
     if folder.join("README.md").is_file() {
         return Some(folder);
     }
-    println!("SKIPPED: no models in {} (set VOXSIGHT_MODELS)", folder.display());
+    // Not `println`, of which nothing is seen when the test passes.
+    let _ =
+        writeln!(std::io::stderr(), "SKIPPED: no real models in {} (set VOXSIGHT_MODELS)", folder.display());
     None
 }
 

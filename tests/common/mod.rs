@@ -7,6 +7,7 @@
     reason = "tests; each uses its own part"
 )]
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
@@ -26,7 +27,9 @@ pub fn models_folder() -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    eprintln!("SKIPPED: no real models in {} (set VOXSIGHT_MODELS)", folder.display());
+    // Not `eprintln`, of which nothing is seen when the test passes.
+    let _ =
+        writeln!(std::io::stderr(), "SKIPPED: no real models in {} (set VOXSIGHT_MODELS)", folder.display());
     None
 }
 

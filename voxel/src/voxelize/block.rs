@@ -21,11 +21,12 @@ struct BrickPart {
 
 /// The bricks of one block at a time. Between blocks it is empty.
 pub(super) struct BlockBuilder {
+    /// Of the block at hand.
     height: u32,
     /// Voxels a side of the grid: nothing is made beyond, even where the tree reaches farther.
     side: i32,
     corner: [i32; 3],
-    /// For each height from 1 up to the block's, the masks of all nodes that the block may have, by depth-first index.
+    /// For each height from 1 up to the largest block's, the masks of all nodes that a block may have, by depth-first index.
     masks: [Vec<u64>; MAX_BLOCK_HEIGHT as usize],
     /// First part of each brick, by depth-first index; means something where the brick's bit in `masks[0]` is set.
     first_part: Vec<u32>,
@@ -36,7 +37,7 @@ pub(super) struct BlockBuilder {
 }
 
 impl BlockBuilder {
-    /// For blocks of this height, at most [`MAX_BLOCK_HEIGHT`], in a grid of `side` voxels.
+    /// For blocks of up to this height, at most [`MAX_BLOCK_HEIGHT`], in a grid of `side` voxels.
     pub fn new(height: u32, side: i32) -> Self {
         let nodes = |below_top: u32| vec![0; 1 << (6 * below_top)];
         let masks = [1, 2, 3].map(|h| if h <= height { nodes(height - h) } else { Vec::new() });
@@ -54,6 +55,7 @@ impl BlockBuilder {
 
     /// The block that the next triangles are for.
     pub fn begin(&mut self, block: Cell) {
+        self.height = block.height;
         self.corner = block.corner;
     }
 

@@ -34,8 +34,10 @@ impl<'a> Joiner<'a> {
     /// The next one.
     pub fn add(&mut self, part: &SubDag) -> Result<(), VoxelizeError> {
         let Some(root) = part.root else { return Ok(()) };
+        // Nodes go to the tables where they end, depth first: those that end before this part, before its own.
+        self.upper.close_all_but_above(&mut self.tables, part.cell)?;
         let node = self.tables.merge(&part.tables, root)?;
-        self.upper.push(&mut self.tables, part.cell, node)?;
+        self.upper.add(part.cell, node);
         let pages = part.owners.directory.iter();
         self.directory.extend(pages.map(|[first, word]| [first + self.bricks, word + self.owner_words]));
         self.sink.append(&part.owners.pages).map_err(VoxelizeError::Owners)?;
@@ -73,9 +75,8 @@ impl UpperNodes {
         UpperNodes { open: (0..height).map(|_| (NodeDraft::default(), [0; 3])).collect(), root: None }
     }
 
-    /// The node of the next cell.
-    fn push(&mut self, tables: &mut DagTables, cell: Cell, node: u32) -> Result<(), DagError> {
-        // Nodes that are not above it are complete.
+    /// Closes what is complete when this cell comes: all nodes that are not above it.
+    fn close_all_but_above(&mut self, tables: &mut DagTables, cell: Cell) -> Result<(), DagError> {
         for height in 1..=self.open.len() as u32 {
             let (draft, corner) = &self.open[height as usize - 1];
             let shift = 2 * height + 2;
@@ -85,7 +86,6 @@ impl UpperNodes {
                 self.close(tables, height)?;
             }
         }
-        self.add(cell, node);
         Ok(())
     }
 

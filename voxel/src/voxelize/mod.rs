@@ -8,8 +8,8 @@
 //!    caller's sink, and nodes above the tasks are made.
 //!
 //! Memory: the tables of the DAG, and a bounded number of tasks, each of bounded size. Bits: all tables are ordered by first
-//! occurrence in depth-first order, and owner pages end with blocks, so that the same bits come out for any
-//! number of threads and any way of cutting.
+//! occurrence in depth-first order, and owner pages end where the grid and the drawables say, so that the same bits come
+//! out for any number of threads and any way of cutting.
 
 mod block;
 mod cell;
@@ -18,13 +18,15 @@ pub mod overlap;
 mod pipeline;
 mod plan;
 mod task;
+#[cfg(test)]
+mod tests;
 
 use std::io;
 
 use cell::Cell;
 use join::Joiner;
 use pipeline::{Take, Work, run_in_order};
-use plan::{Task, Tasks};
+use plan::{DENSE_TRIANGLES, Task, Tasks};
 use task::{SubDag, TaskBuilder};
 
 use crate::dag::{Dag, DagError, OwnerTable, root_height};
@@ -97,7 +99,7 @@ pub struct Settings {
     pub task_triangles: u64,
     /// A cell that holds more bricks, as estimated, is cut.
     pub task_bricks: u64,
-    /// Height of the blocks, 1 to 3: 16, 64 or 256 voxels a side.
+    /// Greatest height of the blocks, 1 to 3: 16, 64 or 256 voxels a side.
     pub block_height: u32,
 }
 
@@ -193,9 +195,20 @@ pub fn voxelize_into(
     settings: &Settings,
     sink: &mut (dyn OwnerSink + Send),
 ) -> Result<Streamed, VoxelizeError> {
+    voxelize_cutting(grid, drawables, settings, DENSE_TRIANGLES, sink)
+}
+
+/// [`voxelize_into`], with another idea of what is dense.
+fn voxelize_cutting(
+    grid: &Grid,
+    drawables: &dyn Drawables,
+    settings: &Settings,
+    dense_triangles: u64,
+    sink: &mut (dyn OwnerSink + Send),
+) -> Result<Streamed, VoxelizeError> {
     let height = root_height(grid.log2);
     let root = Cell { corner: [0; 3], height };
-    let tasks = Tasks::plan(drawables, settings, root).ok_or(VoxelizeError::Cancelled)?;
+    let tasks = Tasks::plan(drawables, settings, dense_triangles, root).ok_or(VoxelizeError::Cancelled)?;
     let build = Build {
         drawables,
         block_height: settings.block_height.clamp(1, height.min(block::MAX_BLOCK_HEIGHT)),

@@ -1,4 +1,8 @@
 //! What is built together: the grid is cut, top down, into cells whose drawables are little enough for one task.
+//!
+//! Owner pages end with tasks, and where they end is part of the result. So settings decide how large cells are cut, which are
+//! many pages each, and the drawables alone how cells of [`PAGE_HEIGHT`] and below are: where triangles are so dense
+//! that one thread would keep the others waiting.
 
 use rayon::prelude::*;
 
@@ -6,8 +10,13 @@ use super::cell::{Cell, SnappedBox};
 use super::{Drawables, Settings, SnappedMesh};
 use crate::grid::SUBVOXELS;
 
-/// Cells of this height (256 voxels a side) are not cut further: owner pages end with them.
-pub(super) const SMALLEST_TASK: u32 = 3;
+/// Owner pages end with cells of this height (256 voxels a side), and with tasks that are smaller still.
+pub(super) const PAGE_HEIGHT: u32 = 3;
+/// Triangles of a cell that is cut whatever its size and the settings: some tenths of a second of work.
+pub(super) const DENSE_TRIANGLES: u64 = 1 << 20;
+/// A small dense cell is cut if its children do not have more than this many times its triangles: drawables as large as
+/// the cell would be loaded again for each child.
+const MOST_REPEATS: u64 = 4;
 
 /// What planning knows of a drawable.
 #[derive(Clone, Copy, Debug)]
@@ -53,11 +62,17 @@ pub(super) struct Tasks {
     seen: Vec<u64>,
     task_triangles: u64,
     task_bricks: u64,
+    dense_triangles: u64,
 }
 
 impl Tasks {
     /// Loads every drawable once. `None` when the caller wants to stop.
-    pub fn plan(drawables: &dyn Drawables, settings: &Settings, root: Cell) -> Option<Self> {
+    pub fn plan(
+        drawables: &dyn Drawables,
+        settings: &Settings,
+        dense_triangles: u64,
+        root: Cell,
+    ) -> Option<Self> {
         let measures = (0..drawables.count())
             .into_par_iter()
             .map_init(SnappedMesh::default, |mesh, drawable| {
@@ -76,6 +91,7 @@ impl Tasks {
             measures,
             task_triangles: settings.task_triangles,
             task_bricks: settings.task_bricks,
+            dense_triangles,
         })
     }
 
@@ -84,24 +100,41 @@ impl Tasks {
         self.measures.iter().flatten().map(|measure| u64::from(measure.triangles)).sum()
     }
 
-    fn is_too_much(&self, cell: Cell, drawables: &[u32]) -> bool {
-        let (mut triangles, mut bricks) = (0u64, 0.0);
-        for measure in drawables.iter().filter_map(|&d| self.measures[d as usize]) {
-            triangles += u64::from(measure.triangles);
-            bricks += f64::from(measure.bricks) * share(&measure.bounds, cell);
-        }
-        triangles > self.task_triangles || bricks > self.task_bricks as f64
+    /// Triangles of drawables.
+    fn triangles(&self, drawables: &[u32]) -> u64 {
+        let measures = drawables.iter().filter_map(|&d| self.measures[d as usize]);
+        measures.map(|measure| u64::from(measure.triangles)).sum()
     }
 
-    /// Replaces a cell by its children that drawables touch.
-    fn cut(&mut self, cell: Cell, drawables: &[u32]) {
+    /// The children of a cell that drawables touch, last first, if it is to be cut.
+    fn cut(&self, cell: Cell, drawables: &[u32]) -> Option<Vec<(Cell, Vec<u32>)>> {
+        let triangles = self.triangles(drawables);
+        let is_dense = triangles > self.dense_triangles;
+        if cell.height > PAGE_HEIGHT {
+            let is_too_much = is_dense || triangles > self.task_triangles || {
+                let measures = drawables.iter().filter_map(|&d| self.measures[d as usize]);
+                let bricks: f64 = measures.map(|m| f64::from(m.bricks) * share(&m.bounds, cell)).sum();
+                bricks > self.task_bricks as f64
+            };
+            return is_too_much.then(|| self.children(cell, drawables));
+        }
+        if !is_dense || cell.height == 1 {
+            return None;
+        }
+        let children = self.children(cell, drawables);
+        let repeated: u64 = children.iter().map(|(_, drawables)| self.triangles(drawables)).sum();
+        (repeated <= MOST_REPEATS * triangles).then_some(children)
+    }
+
+    /// The children of a cell that drawables touch, last first.
+    fn children(&self, cell: Cell, drawables: &[u32]) -> Vec<(Cell, Vec<u32>)> {
         let mut of_child: [Vec<u32>; 64] = std::array::from_fn(|_| Vec::new());
         for &drawable in drawables {
             let Some(measure) = self.measures[drawable as usize] else { continue };
             cell.for_each_child(&measure.bounds, |slot| of_child[slot as usize].push(drawable));
         }
         let children = of_child.into_iter().enumerate().rev().filter(|(_, drawables)| !drawables.is_empty());
-        self.stack.extend(children.map(|(slot, drawables)| (cell.child(slot as u32), drawables)));
+        children.map(|(slot, drawables)| (cell.child(slot as u32), drawables)).collect()
     }
 }
 
@@ -111,8 +144,8 @@ impl Iterator for Tasks {
     fn next(&mut self) -> Option<Task> {
         loop {
             let (cell, drawables) = self.stack.pop()?;
-            if cell.height > SMALLEST_TASK && self.is_too_much(cell, &drawables) {
-                self.cut(cell, &drawables);
+            if let Some(children) = self.cut(cell, &drawables) {
+                self.stack.extend(children);
                 continue;
             }
             let mut new_triangles = 0;

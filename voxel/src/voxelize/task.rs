@@ -6,7 +6,7 @@
 use super::block::BlockBuilder;
 use super::cell::{Cell, SnappedBox};
 use super::overlap::TriangleOverlap;
-use super::plan::{SMALLEST_TASK, Task};
+use super::plan::{PAGE_HEIGHT, Task};
 use super::{Drawables, SnappedMesh, SnappedTriangle, VoxelizeError};
 use crate::dag::build::{DagTables, NodeDraft};
 use crate::dag::owners::OwnerBuilder;
@@ -54,7 +54,7 @@ pub(super) struct TaskBuilder<'a> {
 }
 
 impl<'a> TaskBuilder<'a> {
-    /// For blocks of `block_height` in a grid of `side` voxels whose root has height `height`.
+    /// For blocks of up to `block_height` in a grid of `side` voxels whose root has height `height`.
     pub fn new(drawables: &'a dyn Drawables, block_height: u32, height: u32, side: i32) -> Self {
         TaskBuilder {
             drawables,
@@ -77,7 +77,7 @@ impl<'a> TaskBuilder<'a> {
             new_triangles: task.new_triangles,
             loaded_triangles: 0,
         };
-        if cell.height == self.block_height {
+        if cell.height <= self.block_height {
             self.block.begin(cell);
             let mut mesh = std::mem::take(&mut self.mesh);
             for &drawable in &task.drawables {
@@ -127,7 +127,7 @@ impl<'a> TaskBuilder<'a> {
         if indices.is_empty() {
             return Ok(None);
         }
-        let root = if cell.height == self.block_height {
+        let root = if cell.height <= self.block_height {
             if self.drawables.advance(0) {
                 return Err(VoxelizeError::Cancelled);
             }
@@ -155,7 +155,7 @@ impl<'a> TaskBuilder<'a> {
                 Some(out.tables.heights[cell.height as usize - 1].intern(&draft)?)
             }
         };
-        if cell.height == SMALLEST_TASK {
+        if cell.height == PAGE_HEIGHT {
             // However the grid was cut into tasks, pages end here.
             out.owners.end_page();
         }

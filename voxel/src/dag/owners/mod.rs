@@ -4,7 +4,7 @@
 //! as *runs*, up to 256 of them a page. A page stands alone: where its runs start, its own palette of
 //! drawables and sets of drawables (neighbouring runs alternate between few), and, for bricks whose owners own different voxels,
 //! who owns which. A directory of two words a page, first ordinal and first word, finds the page of an ordinal. Pages
-//! end where a cell of 256^3 voxels ends, so that cells are packed in parallel and joined by copying.
+//! end where a cell of 256^3 voxels ends (a smaller one where triangles are dense), so that cells are packed in parallel and joined by copying.
 //!
 //! The masks of a brick's owners are stored relative to the brick's own mask, which the DAG knows: lookups take it.
 //!
