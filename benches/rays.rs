@@ -114,6 +114,7 @@ fn run(options: &Options, path: &Path) {
     let views = views(&scene, options.size)
         .into_iter()
         .filter(|view| options.views.as_ref().is_none_or(|names| names.iter().any(|n| n == view.name)));
+    let wanted = |name: &str| options.columns.as_ref().is_none_or(|text| name.contains(text));
     let mut columns: Vec<Column> = Vec::new();
     let mut names = Vec::new();
     let (mut incoherent, mut incoherent_names): (Vec<Column>, Vec<String>) = Default::default();
@@ -126,7 +127,7 @@ fn run(options: &Options, path: &Path) {
         names.push(format!("{} ({:.0}% hit)", view.name, 100.0 * hits as f64 / rays));
         let mut column = 0;
         let mut time = |name: String, pool: &rayon::ThreadPool, work: &(dyn Fn() -> u64 + Sync)| {
-            if options.columns.as_ref().is_some_and(|wanted| !name.contains(wanted)) {
+            if !wanted(&name) {
                 return;
             }
             let rate = rays / pool.install(|| median_seconds(options.runs, work)) / 1e6;
@@ -160,6 +161,9 @@ fn run(options: &Options, path: &Path) {
         let mut column = 0;
         incoherent_names.push(format!("{} ({} rays)", view.name, bounced.len()));
         let mut time = |name: String, work: &(dyn Fn() -> u64 + Sync)| {
+            if !wanted(&name) {
+                return;
+            }
             let seconds = one_core.install(|| median_seconds(options.runs, work));
             if incoherent.len() == column {
                 incoherent.push(Column { name, rates: Vec::new() });

@@ -1,6 +1,6 @@
 //! How the build grows: time and memory against resolution, and against triangles, as a table and as a chart.
 //!
-//! `cargo bench --bench scaling -- [-o CHART.svg] [--memory 4G] [--log2 10..16] [--triangles 0.5M,1.5M,5M,15M,50M]`
+//! `cargo bench --bench scaling -- [-o CHART.svg] [--memory 4G] [--log2 10..17] [--triangles 0.5M,1.5M,5M,15M,50M]`
 //! Every point is a `voxsight build` of the sample plant in a process of its own, whose peak memory is its own too, and is
 //! verified before it counts.
 #![allow(
@@ -37,7 +37,7 @@ fn options() -> Options {
     let mut options = Options {
         output: None,
         memory: "4G".into(),
-        log2: (10..=16).collect(),
+        log2: (10..=17).collect(),
         triangles: vec![500_000, 1_500_000, 5_000_000, 15_000_000, 50_000_000],
     };
     let mut args = std::env::args().skip(1);
@@ -197,12 +197,12 @@ fn main() {
     for chart in &charts {
         for curve in &chart.curves {
             println!(
-                "{}, {} against {}: slope {:.2}, over the last three points {:.2}",
+                "{}, {} against {}: slope {:.2}, at the end {:.2}",
                 chart.title,
                 curve.name,
                 chart.x_label,
                 curve.slope(curve.points.len()),
-                curve.slope(3)
+                curve.slope(chart::AT_THE_END)
             );
         }
     }

@@ -1,4 +1,4 @@
-//! Charts of power laws: both axes logarithmic, one straight line a law, its slope in the legend.
+//! Charts with both axes logarithmic, where power laws are straight lines; the slope of each in the legend.
 
 use std::path::Path;
 
@@ -69,6 +69,9 @@ impl plotters::coord::ranged1d::ValueFormatter<f64> for Decades {
     }
 }
 
+/// Points at the end of a curve that its slope in the legend is of: the start is often another law's.
+pub const AT_THE_END: usize = 3;
+
 const COLOURS: [RGBColor; 4] =
     [RGBColor(0, 90, 160), RGBColor(210, 90, 0), RGBColor(0, 130, 80), RGBColor(130, 60, 150)];
 
@@ -104,7 +107,7 @@ pub fn write_svg(path: &Path, charts: &[Chart]) -> Result<(), Box<dyn std::error
         for (curve, colour) in chart.curves.iter().zip(COLOURS) {
             context
                 .draw_series(LineSeries::new(curve.points.iter().copied(), colour.stroke_width(2)))?
-                .label(format!("{} ~ x^{:.2}", curve.name, curve.slope(curve.points.len())))
+                .label(format!("{}: x^{:.2} at the end", curve.name, curve.slope(AT_THE_END)))
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
             context.draw_series(curve.points.iter().map(|&p| Circle::new(p, 3, colour.filled())))?;
         }

@@ -6,23 +6,52 @@ pub(crate) fn spread_xy(mask: u16) -> u64 {
     u64::from(mask) * 0x0001_0001_0001_0001
 }
 
+/// Half of a column mask (two rows) to half of the cells, by the functions below.
+type Spread = [u32; 256];
+
+/// Columns along y, bits x + 4 z of two z, to the cells of these z.
+static SPREAD_Y: Spread = {
+    let mut spread = [0; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        spread[mask] = (mask as u32 & 0xf) * 0x1111 | (mask as u32 >> 4) * 0x1111_0000;
+        mask += 1;
+    }
+    spread
+};
+
+/// Columns along x, bits y + 4 z of two z, to the cells of these z.
+static SPREAD_X: Spread = {
+    let mut spread = [0; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let mut bit = 0;
+        while bit < 8 {
+            spread[mask] |= (mask as u32 >> bit & 1) * 0xf << (4 * bit);
+            bit += 1;
+        }
+        mask += 1;
+    }
+    spread
+};
+
+/// Both halves.
+#[inline(always)]
+fn spread(table: &Spread, mask: u16) -> u64 {
+    let [low, high] = mask.to_le_bytes();
+    u64::from(table[low as usize]) | u64::from(table[high as usize]) << 32
+}
+
 /// Columns along y (bit x + 4 z) to cells.
 #[inline(always)]
 pub(crate) fn spread_xz(mask: u16) -> u64 {
-    let m = u64::from(mask);
-    let rows = (m & 0xf) | (m & 0xf0) << 12 | (m & 0xf00) << 24 | (m & 0xf000) << 36;
-    rows * 0x1111
+    spread(&SPREAD_Y, mask)
 }
 
 /// Columns along x (bit y + 4 z) to cells.
 #[inline(always)]
 pub(crate) fn spread_yz(mask: u16) -> u64 {
-    let mut m = u64::from(mask);
-    m = (m | m << 24) & 0x0000_00ff_0000_00ff;
-    m = (m | m << 12) & 0x000f_000f_000f_000f;
-    m = (m | m << 6) & 0x0303_0303_0303_0303;
-    m = (m | m << 3) & 0x1111_1111_1111_1111;
-    m * 0xf
+    spread(&SPREAD_X, mask)
 }
 
 /// Mirrors the cells along the axes whose bit is set in `flip` (x, y, z = 1, 2, 4).

@@ -177,5 +177,5 @@ fn crossed<S: Simd>(
 /// Lanes where a <= b and c <= d.
 #[inline(always)]
 fn both<S: Simd>(a: f32x16<S>, b: f32x16<S>, c: f32x16<S>, d: f32x16<S>) -> u16 {
-    (a.simd_le(b).to_bitmask() & c.simd_le(d).to_bitmask()) as u16
+    (a.simd_le(b) & c.simd_le(d)).to_bitmask() as u16
 }
