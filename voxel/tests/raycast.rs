@@ -5,7 +5,7 @@ mod common;
 use common::{random_ray, random_soup, unit_grid};
 use glam::DVec3;
 use voxsight_voxel::dag::DagRef;
-use voxsight_voxel::raycast::{GridRay, Next};
+use voxsight_voxel::raycast::{GridRay, Instructions, Next, RayCaster, RayPacket};
 use voxsight_voxel::voxelize::voxelize;
 
 /// A voxel crossed by more than this must be found (voxels).
@@ -134,18 +134,53 @@ fn rays_that_are_none_hit_nothing() {
     let voxels = voxelize(&unit_grid(6), &random_soup(3, 6, 7)).unwrap();
     let dag = voxels.dag.view();
     let inside = DVec3::splat(20.0);
-    for (origin, direction) in [
-        (inside, DVec3::ZERO),
-        (inside, DVec3::NAN),
-        (DVec3::NAN, DVec3::X),
-        (inside, DVec3::INFINITY),
-        (DVec3::INFINITY, DVec3::NEG_ONE),
+    let good: Vec<GridRay> =
+        (0..64).map(|i| GridRay::new(inside, DVec3::new(1.0, 0.01 * f64::from(i), 0.4))).collect();
+    let expected: Vec<_> = good.iter().map(|ray| dag.first_hit(ray).map(|hit| hit.0)).collect();
+    assert!(expected.iter().flatten().count() > 10);
+    let plain = GridRay::new(inside, DVec3::new(1.0, 0.2, 0.4));
+    for none in [
+        GridRay::new(inside, DVec3::ZERO),
+        GridRay::new(inside, DVec3::NAN),
+        GridRay::new(DVec3::NAN, DVec3::X),
+        GridRay::new(inside, DVec3::INFINITY),
+        GridRay::new(DVec3::INFINITY, DVec3::NEG_ONE),
         // One bad component among good ones.
-        (inside, DVec3::new(f64::NAN, -1.0, 2.0)),
-        (inside, DVec3::new(-1.0, 2.0, f64::NAN)),
-        (inside, DVec3::new(1.0, f64::NEG_INFINITY, 2.0)),
-        (DVec3::new(f64::NAN, 20.0, 20.0), DVec3::X),
+        GridRay::new(inside, DVec3::new(f64::NAN, -1.0, 2.0)),
+        GridRay::new(inside, DVec3::new(-1.0, 2.0, f64::NAN)),
+        GridRay::new(inside, DVec3::new(1.0, f64::NEG_INFINITY, 2.0)),
+        GridRay::new(DVec3::new(f64::NAN, 20.0, 20.0), DVec3::X),
+        GridRay { t_min: f64::NAN, ..plain },
+        GridRay { t_max: f64::NAN, ..plain },
+        GridRay { t_min: f64::INFINITY, ..plain },
+        GridRay { t_min: 2.0, t_max: 1.0, ..plain },
+        GridRay { t_max: -1.0, ..plain },
     ] {
-        assert_eq!(dag.first_hit(&GridRay::new(origin, direction)), None);
+        assert_eq!(dag.first_hit(&none), None, "{none:?}");
+        for instructions in Instructions::available() {
+            let caster = RayCaster::new(dag).with_instructions(instructions);
+            caster.cast(&none, |hit| panic!("{none:?} hit {:?}", hit.voxel));
+            // In any lane of a packet, and in a batch, it leaves the others alone.
+            for lane in [0, 1, 17, 63] {
+                let mut rays = good.clone();
+                rays[lane] = none;
+                let mut expected = expected.clone();
+                expected[lane] = None;
+                let mut found = vec![None; 64];
+                let mut packet = RayPacket::default();
+                packet.fill(rays.iter().copied());
+                caster.cast_packet(&mut packet, |ray, hit| {
+                    found[ray] = Some(hit.voxel);
+                    Next::End
+                });
+                assert_eq!(found, expected, "packet, {instructions:?}, lane {lane}: {none:?}");
+                found.fill(None);
+                caster.cast_batch(&rays, |ray, hit| {
+                    found[ray] = Some(hit.voxel);
+                    Next::End
+                });
+                assert_eq!(found, expected, "batch, {instructions:?}, lane {lane}: {none:?}");
+            }
+        }
     }
 }
