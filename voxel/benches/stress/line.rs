@@ -13,20 +13,34 @@ pub struct Line {
 }
 
 impl Line {
-    pub fn new(ray: &GridRay) -> Self {
-        let exponent = exponent(ray.direction.abs().max_element());
-        Line {
+    /// `None` for a ray without a direction, which meets nothing.
+    pub fn new(ray: &GridRay) -> Option<Self> {
+        let largest = ray.direction.abs().max_element();
+        let exponent = if largest > 0.0 { exponent(largest) } else { return None };
+        Some(Line {
             origin: ray.origin,
             direction: DVec3::from_array(ray.direction.to_array().map(|d| scaled(d, -exponent))),
             t_min: scaled(ray.t_min, exponent),
             t_max: scaled(ray.t_max, exponent),
             exponent,
-        }
+        })
     }
 
     /// The line's parameter, of the ray's.
     pub fn parameter(&self, t: f64) -> f64 {
         scaled(t, self.exponent)
+    }
+
+    /// The ray's parameter, of the line's.
+    fn ray_parameter(&self, t: f64) -> f64 {
+        scaled(t, -self.exponent)
+    }
+
+    /// The largest |t|, in the ray's parameter, at which the ray is in a grid of `side` voxels: t is computed from its entry there, so
+    /// that this is what its rounding goes with.
+    pub fn reach(&self, side: f64) -> f64 {
+        let inside = self.inside(DVec3::ZERO, DVec3::splat(side));
+        inside.map_or(0.0, |(t_in, t_out)| self.ray_parameter(t_in.abs().max(t_out.abs())))
     }
 
     /// The interval of t in which the line is inside a box, faces included.

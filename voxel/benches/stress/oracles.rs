@@ -76,8 +76,9 @@ pub struct Verdict {
     pub grazed: u64,
 }
 
-/// Judges what the ray met, in order, against the voxels near it.
-pub fn judge(oracle: &impl Oracle, nearby: &[[i32; 3]], met: &[([i32; 3], f64)]) -> Verdict {
+/// Judges what the ray met, in order, against the voxels near it. `reach`: see [`super::line::Line::reach`].
+pub fn judge(oracle: &impl Oracle, nearby: &[[i32; 3]], met: &[([i32; 3], f64)], reach: f64) -> Verdict {
+    let rounding = power(-45) * oracle.parameter(reach);
     let mut verdict = Verdict::default();
     let mut first_due = f64::INFINITY;
     let mut found: Vec<[i32; 3]> = met.iter().map(|hit| hit.0).collect();
@@ -98,7 +99,6 @@ pub fn judge(oracle: &impl Oracle, nearby: &[[i32; 3]], met: &[([i32; 3], f64)])
         };
         // Where a direction is tiny, its parameter is beyond f64.
         let t = oracle.parameter(*t);
-        let rounding = power(-45) * t.abs();
         let misplaced = t.is_finite() && (t < t_in - rounding || t > t_out + rounding);
         let late = i == 0 && t_in - rounding > first_due;
         verdict.wrong += u64::from(misplaced || late);

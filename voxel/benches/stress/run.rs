@@ -258,13 +258,17 @@ impl Stress {
                 met.push((hit.voxel, hit.t()));
                 Next::Voxel
             });
-            let line = Line::new(ray);
+            let Some(line) = Line::new(ray) else {
+                tally[Count::Wrong] += met.len() as u64;
+                continue;
+            };
             nearby.clear();
             scene.nearby.for_each(&line, |voxel| nearby.push(voxel));
             let exact = ExactLine::new(ray, scene.side()).filter(|_| scene.is_small());
+            let reach = line.reach(scene.side());
             let verdict = match &exact {
-                Some(exact) => judge(exact, &nearby, &met),
-                None => judge(&FloatOracle::new(&line, scene.side()), &nearby, &met),
+                Some(exact) => judge(exact, &nearby, &met, reach),
+                None => judge(&FloatOracle::new(&line, scene.side()), &nearby, &met, reach),
             };
             tally[if exact.is_some() { Count::Exact } else { Count::Float }] += 1;
             tally[Count::Missed] += verdict.missed;

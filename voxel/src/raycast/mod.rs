@@ -92,7 +92,8 @@ pub struct VoxelHit<'t> {
 }
 
 impl VoxelHit<'_> {
-    /// Where the ray enters it, in the ray's own parameter; not below the ray's start.
+    /// Where the ray enters it, in the ray's own parameter: to 2^-45 of the largest parameter at which the ray is in the
+    /// grid, and by as little below its start or beyond its end.
     pub fn t(&self) -> f64 {
         let size = if self.whole_brick { 4 } else { 1 };
         let walk = self.walk.get();
