@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use common::{load, model_files, models_folder};
 use glam::DVec3;
-use voxsight::camera::Camera;
+use voxsight::camera::{Camera, Projection};
 use voxsight::container::verify;
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::Silent;
@@ -114,7 +114,11 @@ fn cameras(loaded: &LoadedScene, size: u32) -> [Camera; 3] {
     let outside = Camera::around(min, max, DVec3::new(0.7, 0.5, 0.9), DVec3::Y, size, size);
     let other_side = Camera::around(min, max, DVec3::new(-0.9, 0.3, -0.4), DVec3::Y, size, size);
     let inside = DVec3::from(outside.eye).lerp(min + 0.5 * (max - min), 0.85);
-    [outside, other_side, Camera { eye: inside.into(), fov_y_deg: 75.0, ..outside }]
+    [
+        outside,
+        other_side,
+        Camera { eye: inside.into(), projection: Projection::Perspective { fov_y_deg: 75.0 }, ..outside },
+    ]
 }
 
 fn print_row(

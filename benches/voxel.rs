@@ -16,7 +16,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use common::{build_model, load};
-use voxsight::camera::Camera;
+use voxsight::camera::{Camera, Projection};
 use voxsight::sample::{PlantSettings, cameras, plant};
 use voxsight::visibility::{Method, QuerySettings, query};
 
@@ -57,7 +57,7 @@ fn main() {
             eye: view.eye,
             target: view.target,
             up: view.up,
-            fov_y_deg: view.fov_y_deg,
+            projection: Projection::Perspective { fov_y_deg: view.fov_y_deg },
             width: 512,
             height: 512,
         };

@@ -8,7 +8,7 @@
 //!   ([`voxsight_voxel`]), and writes a [`container`].
 //! - [`scene`] is an opened container as the runtime sees it; [`loaded`] makes it ready for CPU queries: its triangles
 //!   in hierarchies ([`exact`]) beside its voxels.
-//! - [`camera`] makes [`ray`]s; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
+//! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
 //!   picture of it.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
 //!   files appear whole or not at all.
@@ -26,6 +26,7 @@ pub mod cli;
 pub mod container;
 pub mod exact;
 pub mod export;
+pub mod filter;
 pub mod geometry;
 pub mod import;
 pub mod loaded;

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::container::{ContainerError, Problem};
 use crate::exact::{ChunkMesh, ExactScene, Instance};
+use crate::filter::Filter;
 use crate::model::Colour;
 use crate::progress::Progress;
 use crate::render::RenderScene;
@@ -19,6 +20,7 @@ pub struct LoadedScene {
     exact: ExactScene,
     colours: Vec<Colour>,
     object_boxes: Vec<(DVec3, DVec3, Range<u32>)>,
+    filter: Filter,
 }
 
 impl LoadedScene {
@@ -59,12 +61,17 @@ impl LoadedScene {
             .map(|(id, object)| (object.min.into(), object.max.into(), scene.object_drawables(id as u32)))
             .collect();
         let exact = ExactScene::new(chunks?, &instances);
-        Ok(LoadedScene { scene, exact, colours, object_boxes })
+        Ok(LoadedScene { scene, exact, colours, object_boxes, filter: Filter::default() })
     }
 
     /// The opened container.
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// What queries and pictures leave out; nothing at first.
+    pub fn filter_mut(&mut self) -> &mut Filter {
+        &mut self.filter
     }
 
     /// For [`crate::visibility::query`].
@@ -74,6 +81,7 @@ impl LoadedScene {
             grid: self.scene.grid(),
             dag: self.scene.dag(),
             owners: self.scene.owners(),
+            filter: &self.filter,
             object_boxes: &self.object_boxes,
         }
     }

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use common::{build_model, cuboid, load, random_model};
 use glam::{DAffine3, DVec3};
-use voxsight::camera::Camera;
+use voxsight::camera::{Camera, Projection};
 use voxsight::loaded::LoadedScene;
 use voxsight::model::{Colour, Model, Node, Object, Part};
 use voxsight::progress::{CancelFlag, Silent};
@@ -34,7 +34,7 @@ fn picture(loaded: &LoadedScene, shadows: Shadows) -> image::RgbImage {
         eye: [0.0, 4.0, 0.0],
         target: [0.0; 3],
         up: [0.0, 0.0, -1.0],
-        fov_y_deg: 70.0,
+        projection: Projection::Perspective { fov_y_deg: 70.0 },
         width: 64,
         height: 64,
     };

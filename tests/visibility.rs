@@ -5,7 +5,7 @@ mod common;
 
 use common::{FlatScene, build_file, build_model, load, model_files, models_folder, random_model};
 use glam::DVec3;
-use voxsight::camera::Camera;
+use voxsight::camera::{Camera, Plane, Projection};
 use voxsight::loaded::LoadedScene;
 use voxsight::scene::Scene;
 use voxsight::visibility::{Method, QuerySettings, VisibleSet, accuracy, query};
@@ -15,7 +15,7 @@ const TIE: f64 = 1e-9;
 /// Brute force works on world coordinates, whose rounding shifts a grazing hit: so many units in their last place.
 const WORLD_ROUNDING: f64 = 256.0 * f64::EPSILON;
 
-/// Cameras around and inside a box.
+/// Cameras around and inside a box, one of them with parallel rays.
 fn cameras(loaded: &LoadedScene, size: (u32, u32)) -> Vec<Camera> {
     let bounds = loaded.scene().meta().bounds;
     let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
@@ -23,8 +23,10 @@ fn cameras(loaded: &LoadedScene, size: (u32, u32)) -> Vec<Camera> {
     let outside = Camera::around(min, max, DVec3::new(0.7, 0.5, 0.9), DVec3::Y, size.0, size.1);
     let other_side = Camera::around(min, max, DVec3::new(-0.3, 0.2, -0.8), DVec3::Y, size.0, size.1);
     let near = DVec3::from(outside.eye).lerp(centre, 0.75);
-    let inside = Camera { eye: near.into(), fov_y_deg: 75.0, ..outside };
-    vec![outside, other_side, inside]
+    let inside =
+        Camera { eye: near.into(), projection: Projection::Perspective { fov_y_deg: 75.0 }, ..outside };
+    let parallel = Projection::Orthographic { height: 0.6 * (max - min).length() };
+    vec![outside, other_side, inside, Camera { projection: parallel, ..outside }]
 }
 
 fn ask(loaded: &LoadedScene, camera: &Camera, method: Method, rays_per_pixel: u32) -> VisibleSet {
@@ -47,8 +49,8 @@ fn compare_with_brute_force(
     for row in 0..camera.height {
         for column in 0..camera.width {
             let ray = rays.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
-            let found = loaded.query().exact.closest_through(&ray, |_| {});
-            let expected = flat.brute_force(ray.origin, ray.direction);
+            let found = loaded.query().exact.closest_through(&ray, loaded.query().filter, |_| {});
+            let expected = flat.brute_force(ray.origin, ray.direction, loaded.query().filter);
             let place =
                 || format!("{name}, pixel {column} {row}: {found:?}, brute force {:?}", expected.first());
             match (found, expected.first()) {
@@ -148,6 +150,43 @@ fn voxel_misses_little_and_frustum_misses_nothing() {
 }
 
 #[test]
+fn hidden_drawables_and_what_is_cut_away_are_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    for (seed, centre) in [(8, DVec3::ZERO), (9, DVec3::new(4.3e5, -5.2e6, 80.0))] {
+        build_model(random_model(seed, 400, centre), 9, &path);
+        let mut loaded = load(&path);
+        let all: Vec<_> =
+            cameras(&loaded, (97, 61)).iter().map(|camera| ask(&loaded, camera, Method::Exact, 1)).collect();
+        let bounds = loaded.scene().meta().bounds;
+        let middle = 0.5 * (DVec3::from(bounds.min) + DVec3::from(bounds.max));
+        let drawables = loaded.scene().drawables().len() as u32;
+        (0..drawables).step_by(3).for_each(|d| loaded.filter_mut().set_hidden(d, true));
+        // An opened section: a slanted cut through the middle, and the floor gone.
+        loaded.filter_mut().clip_by(Plane { normal: DVec3::new(-1.0, 0.2, -0.4), point: middle });
+        loaded.filter_mut().clip_by(Plane { normal: DVec3::Y * 3.0, point: middle - 5.0 * DVec3::Y });
+        let flat = FlatScene::new(loaded.scene());
+        let mut seen = 0;
+        for (camera, all) in cameras(&loaded, (97, 61)).iter().zip(&all) {
+            let name = format!("seed {seed}, {:?}", camera.projection);
+            seen += compare_with_brute_force(&name, &loaded, &flat, camera).0;
+            let exact = ask(&loaded, camera, Method::Exact, 1);
+            assert_ne!(exact, *all, "{name}: the filter changes nothing");
+            assert_eq!(ask(&loaded, camera, Method::Hybrid, 1), exact, "{name}");
+            for method in [Method::Voxel, Method::Frustum] {
+                let answer = ask(&loaded, camera, method, 1);
+                let shown = (0..drawables).step_by(3).filter(|&d| answer.visible[d as usize]).count();
+                assert_eq!(shown, 0, "{name}: {method:?} shows hidden drawables");
+            }
+            let boxes = ask(&loaded, camera, Method::Frustum, 1);
+            let lost = accuracy(&exact, &boxes, 97 * 61, |_| 1).wrongly_hidden;
+            assert_eq!(lost, 0, "{name}: frustum lost what is there");
+        }
+        assert!(seen > 600, "seed {seed}: only {seen} pixels hit anything");
+    }
+}
+
+#[test]
 fn answers_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.vxs");
@@ -182,7 +221,7 @@ fn what_is_behind_glass_is_seen_and_so_is_the_glass() {
         eye: [0.0, 0.0, 20.0],
         target: [0.0; 3],
         up: [0.0, 1.0, 0.0],
-        fov_y_deg: 2.0,
+        projection: Projection::Perspective { fov_y_deg: 2.0 },
         width: 32,
         height: 32,
     };

@@ -12,7 +12,7 @@ use super::numbers::{parse_resolution, parse_size};
 use super::output::{human_bytes, human_count, print_out, write_json, write_png};
 use super::progress::TerminalProgress;
 use super::render::default_sun;
-use crate::camera::{Camera, CameraRays};
+use crate::camera::{Camera, CameraRays, Projection};
 use crate::container::Axis;
 use crate::loaded::LoadedScene;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
@@ -98,7 +98,7 @@ impl Demo {
 
 fn camera(view: &SampleCamera, (width, height): (u32, u32)) -> Camera {
     let SampleCamera { eye, target, up, fov_y_deg, .. } = *view;
-    Camera { eye, target, up, fov_y_deg, width, height }
+    Camera { eye, target, up, projection: Projection::Perspective { fov_y_deg }, width, height }
 }
 
 /// Runs every method on one view, timed, and compares each with the reference.

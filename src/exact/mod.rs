@@ -18,6 +18,7 @@ use rayon::prelude::*;
 pub use chunk_bvh::{ChunkBvh, ChunkMesh};
 use intersect::PartRay;
 
+use crate::filter::Filter;
 use crate::ray::Ray;
 
 /// Boxes are widened by this fraction of the scene's or chunk's size. f32 positions relative to a box near the ray's
@@ -98,11 +99,19 @@ impl ExactScene {
 
     /// The nearest opaque hit. `through` is called for each transparent drawable that the ray meets, with its nearest
     /// hit, in no particular order; those behind the answer are to be ignored by the caller.
-    pub fn closest_through(&self, ray: &Ray, mut through: impl FnMut(TriangleHit)) -> Option<TriangleHit> {
+    pub fn closest_through(
+        &self,
+        ray: &Ray,
+        filter: &Filter,
+        mut through: impl FnMut(TriangleHit),
+    ) -> Option<TriangleHit> {
         let mut best = None;
-        self.visit(ray, |drawable, t_max| {
-            let ray = Ray { t_max, ..*ray };
-            if let Some(hit) = self.closest_of(drawable, &ray) {
+        let ray = filter.clipped(ray)?;
+        self.visit(&ray, |drawable, t_max| {
+            if filter.is_hidden(drawable) {
+                return t_max;
+            }
+            if let Some(hit) = self.closest_of(drawable, &Ray { t_max, ..ray }) {
                 if self.instances[drawable as usize].transparent {
                     through(hit);
                 } else if is_nearer(&hit, &best) {
@@ -115,12 +124,15 @@ impl ExactScene {
     }
 
     /// The nearest hit, transparent or not.
-    pub fn closest(&self, ray: &Ray) -> Option<TriangleHit> {
+    pub fn closest(&self, ray: &Ray, filter: &Filter) -> Option<TriangleHit> {
         let mut best = None;
-        self.visit(ray, |drawable, t_max| {
-            if let Some(hit) =
-                self.closest_of(drawable, &Ray { t_max, ..*ray }).filter(|hit| is_nearer(hit, &best))
-            {
+        let ray = filter.clipped(ray)?;
+        self.visit(&ray, |drawable, t_max| {
+            if filter.is_hidden(drawable) {
+                return t_max;
+            }
+            let hit = self.closest_of(drawable, &Ray { t_max, ..ray });
+            if let Some(hit) = hit.filter(|hit| is_nearer(hit, &best)) {
                 best = Some(hit);
             }
             best.map_or(ray.t_max, |hit| hit.t)
@@ -129,11 +141,12 @@ impl ExactScene {
     }
 
     /// Is there an opaque hit?
-    pub fn any(&self, ray: &Ray) -> bool {
+    pub fn any(&self, ray: &Ray, filter: &Filter) -> bool {
         let mut found = false;
-        self.visit(ray, |drawable, _| {
-            let opaque = !self.instances[drawable as usize].transparent;
-            if opaque && self.closest_of(drawable, ray).is_some() {
+        let Some(ray) = filter.clipped(ray) else { return false };
+        self.visit(&ray, |drawable, _| {
+            let casts = !self.instances[drawable as usize].transparent && !filter.is_hidden(drawable);
+            if casts && self.closest_of(drawable, &ray).is_some() {
                 found = true;
                 return f64::NEG_INFINITY;
             }

@@ -113,7 +113,7 @@ pub fn render_depth(scene: &RenderScene, camera: &CameraRays, progress: &dyn Pro
 
 fn middle_hit(scene: &RenderScene, camera: &CameraRays, column: u32, row: u32) -> Option<TriangleHit> {
     let ray: Ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
-    scene.query.exact.closest(&ray)
+    scene.query.exact.closest(&ray, scene.query.filter)
 }
 
 /// Computes all pixels, rows in parallel; `None` when cancelled before the last rows are begun.

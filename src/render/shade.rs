@@ -8,6 +8,7 @@ use crate::camera::CameraRays;
 use crate::exact::TriangleHit;
 use crate::model::{Colour, linear_from_srgb};
 use crate::ray::Ray;
+use crate::visibility::QueryScene;
 
 /// Where the light comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,7 +72,7 @@ impl<'a> Shader<'a> {
     pub fn radiance(&self, ray: &Ray) -> DVec3 {
         let exact = self.scene.query.exact;
         let mut layers: Vec<TriangleHit> = Vec::new();
-        let opaque = exact.closest_through(ray, |hit| layers.push(hit));
+        let opaque = exact.closest_through(ray, self.scene.query.filter, |hit| layers.push(hit));
         let end = opaque.map_or(f64::INFINITY, |hit| hit.t);
         layers.retain(|hit| hit.t < end);
         layers.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.drawable.cmp(&b.drawable)));
@@ -119,24 +120,32 @@ impl<'a> Shader<'a> {
         let query = &self.scene.query;
         match self.shadows {
             Shadows::None => false,
-            Shadows::Exact => query.exact.any(&Ray::new(point + normal * self.exact_offset, self.to_sun)),
+            Shadows::Exact => {
+                let origin = point + normal * self.exact_offset;
+                query.exact.any(&Ray::new(origin, self.to_sun), query.filter)
+            }
             Shadows::Voxel => {
                 // Every voxel that touches a plane lies within the plane's distance |n|_1 (voxels) of it, so that a ray
                 // that starts this high leaves the voxels of its own flat surface behind. 2/256: the widened overlap.
                 let offset = normal.abs().element_sum() * (1.0 + 2.0 / 256.0);
                 let origin = query.grid.grid_from_world(point) + normal * offset;
-                self.meets_opaque_voxel(&GridRay::new(origin, self.to_sun))
+                self.meets_opaque_voxel(origin)
             }
         }
     }
 
     /// Glass casts no shadow: only a voxel with an opaque owner stops the light.
-    fn meets_opaque_voxel(&self, ray: &GridRay) -> bool {
-        let query = &self.scene.query;
+    fn meets_opaque_voxel(&self, grid_origin: DVec3) -> bool {
+        let QueryScene { grid, dag, owners, filter, exact, .. } = self.scene.query;
+        let start = grid.world_from_grid(grid_origin);
+        let Some(ray) = filter.clipped(&Ray::new(start, self.to_sun * grid.voxel_size)) else { return false };
+        let casts = |owner: u32| !exact.is_transparent(owner) && !filter.is_hidden(owner);
+        let grid_ray =
+            GridRay { origin: grid_origin, direction: self.to_sun, t_min: ray.t_min, t_max: ray.t_max };
         let mut met = false;
-        RayCaster::new(query.dag).cast(ray, |hit| {
-            let owners = query.owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
-            met = owners.of_voxel(hit.bit()).any(|owner| !query.exact.is_transparent(owner));
+        RayCaster::new(dag).cast(&grid_ray, |hit| {
+            let owners = owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
+            met = owners.of_voxel(hit.bit()).any(casts);
             if met { Next::End } else { Next::Voxel }
         });
         met

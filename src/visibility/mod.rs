@@ -9,6 +9,7 @@
 //! - `exact`: triangles only, the reference.
 
 mod accuracy;
+pub mod culling;
 mod frustum;
 mod sampling;
 mod voxel;
@@ -27,6 +28,7 @@ pub use sampling::{PixelRay, for_each_pixel_ray, sample_offset};
 
 use crate::camera::CameraRays;
 use crate::exact::{ExactScene, TriangleHit};
+use crate::filter::Filter;
 use crate::progress::{Progress, Silent};
 use crate::ray::Ray;
 
@@ -74,6 +76,8 @@ pub struct QueryScene<'a> {
     pub dag: DagRef<'a>,
     /// Who occupies them.
     pub owners: OwnersRef<'a>,
+    /// What is left out.
+    pub filter: &'a Filter,
     /// World-space boxes of the objects and the range of their drawables, for `frustum`.
     pub object_boxes: &'a [(DVec3, DVec3, Range<u32>)],
 }
@@ -190,12 +194,9 @@ pub fn query_until(
     let cast = |query: &dyn RayQuery| cast_all(query, scene, camera, settings, progress);
     match method {
         Method::Frustum => Some(frustum::in_frustum(scene, camera)),
-        Method::Exact => cast(&ExactQuery(scene.exact)),
+        Method::Exact => cast(&ExactQuery(*scene)),
         Method::Voxel => cast(&voxel::VoxelQuery::new(scene)),
-        Method::Hybrid => {
-            let footprint = camera.pixel_at_unit_depth() * settings.accept_below_px;
-            cast(&voxel::HybridQuery::new(scene, footprint))
-        }
+        Method::Hybrid => cast(&voxel::HybridQuery::new(scene, camera, settings.accept_below_px)),
     }
 }
 
@@ -234,12 +235,13 @@ fn cast_all(
     Some(all)
 }
 
-struct ExactQuery<'a>(&'a ExactScene);
+struct ExactQuery<'a>(QueryScene<'a>);
 
 impl RayQuery for ExactQuery<'_> {
     fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
         scratch.through.clear();
-        let opaque = self.0.closest_through(ray, |hit| scratch.through.push(hit));
+        let ExactQuery(QueryScene { exact, filter, .. }) = self;
+        let opaque = exact.closest_through(ray, filter, |hit| scratch.through.push(hit));
         found.count_ray(&scratch.through, opaque.map(|hit| (hit.drawable, hit.t)))
     }
 }

@@ -4,6 +4,7 @@ use voxsight_voxel::dag::Owners;
 use voxsight_voxel::raycast::{GridRay, Next, RayCaster, VoxelHit};
 
 use super::{QueryScene, RayQuery, Scratch, VisibleSet};
+use crate::camera::CameraRays;
 use crate::exact::TriangleHit;
 use crate::ray::Ray;
 
@@ -55,14 +56,16 @@ impl RayQuery for VoxelQuery<'_> {
     fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
         let exact = self.scene.exact;
         let mut owners = BrickOwners::new();
+        let filter = self.scene.filter;
         let passed = &mut scratch.asked;
         passed.clear();
         let mut any = false;
-        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, ray), |hit| {
-            any = true;
+        let Some(ray) = filter.clipped(ray) else { return false };
+        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, &ray), |hit| {
             let of_voxel = owners.of_brick(&self.scene, hit).of_voxel(hit.bit());
             let mut first_opaque = None;
-            for owner in of_voxel {
+            for owner in of_voxel.filter(|&owner| !filter.is_hidden(owner)) {
+                any = true;
                 found.visible[owner as usize] = true;
                 if exact.is_transparent(owner) {
                     if !passed.contains(&owner) {
@@ -88,23 +91,25 @@ impl RayQuery for VoxelQuery<'_> {
 /// Voxels name the candidates, front to back; each candidate's triangles are asked once a ray. The nearest hit wins as
 /// soon as the ray has come to it.
 ///
-/// Every voxel that a triangle touches knows it as owner, so that with `footprint` 0 this finds what `exact` finds: the
+/// Every voxel that a triangle touches knows it as owner, so that with `accept_below_px` 0 this finds what `exact` finds: the
 /// voxel that holds the nearest hit is entered before the walk ends.
 pub(super) struct HybridQuery<'a> {
     scene: QueryScene<'a>,
-    /// A voxel smaller than depth times this is accepted unseen.
-    footprint: f64,
+    camera: &'a CameraRays,
+    /// A voxel smaller than so many pixels is accepted unseen.
+    accept_below_px: f64,
 }
 
 impl<'a> HybridQuery<'a> {
-    pub fn new(scene: &QueryScene<'a>, footprint: f64) -> Self {
-        HybridQuery { scene: *scene, footprint }
+    pub fn new(scene: &QueryScene<'a>, camera: &'a CameraRays, accept_below_px: f64) -> Self {
+        HybridQuery { scene: *scene, camera, accept_below_px }
     }
 }
 
 impl RayQuery for HybridQuery<'_> {
     fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
-        let exact = self.scene.exact;
+        let QueryScene { exact, filter, .. } = self.scene;
+        let Some(ray) = filter.clipped(ray) else { return false };
         let mut owners = BrickOwners::new();
         let Scratch { asked, through } = scratch;
         asked.clear();
@@ -113,13 +118,13 @@ impl RayQuery for HybridQuery<'_> {
         let mut accepted: Option<(u32, f64)> = None;
         // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
         let slack = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
-        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, ray), |hit| {
+        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, &ray), |hit| {
             if best.is_some_and(|best| hit.t() > best.t + slack) {
                 return Next::End;
             }
-            let unseen = self.scene.grid.voxel_size < hit.t() * self.footprint;
+            let unseen = self.scene.grid.voxel_size < self.camera.pixel_at(hit.t()) * self.accept_below_px;
             let of_brick = owners.of_brick(&self.scene, hit);
-            for owner in of_brick.of_voxel(hit.bit()) {
+            for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
                 if unseen {
                     found.visible[owner as usize] = true;
                     if !exact.is_transparent(owner) && accepted.is_none() {
@@ -131,7 +136,7 @@ impl RayQuery for HybridQuery<'_> {
                     continue;
                 }
                 asked.push(owner);
-                let limit = Ray { t_max: best.map_or(ray.t_max, |best| best.t), ..*ray };
+                let limit = Ray { t_max: best.map_or(ray.t_max, |best| best.t), ..ray };
                 let Some(triangle) = exact.closest_of(owner, &limit) else { continue };
                 if exact.is_transparent(owner) {
                     through.push(triangle);
@@ -141,7 +146,8 @@ impl RayQuery for HybridQuery<'_> {
             }
             if accepted.is_some() {
                 Next::End
-            } else if !unseen && of_brick.all().all(|owner| asked.contains(&owner)) {
+            } else if !unseen && of_brick.all().all(|owner| asked.contains(&owner) || filter.is_hidden(owner))
+            {
                 // The brick has nothing more to tell.
                 Next::Brick
             } else {

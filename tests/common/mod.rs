@@ -11,6 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
+use voxsight::filter::Filter;
 use voxsight::import::{ImportOptions, import};
 use voxsight::loaded::LoadedScene;
 use voxsight::model::{Colour, Mesh, Model, Node, Object, Part};
@@ -160,17 +161,23 @@ impl FlatScene {
 
     /// The opaque drawables that a ray meets, nearest first, with their distances (in units of the direction). Written
     /// for the tests alone: Möller and Trumbore's test, in world space, no hierarchy but a sphere for each drawable.
-    pub fn brute_force(&self, origin: DVec3, direction: DVec3) -> Vec<(f64, u32)> {
+    pub fn brute_force(&self, origin: DVec3, direction: DVec3, filter: &Filter) -> Vec<(f64, u32)> {
+        let is_kept = |t: &f64| {
+            let point = origin + *t * direction;
+            filter.clip_planes().iter().all(|plane| plane.normal.dot(point - plane.point) >= 0.0)
+        };
         let mut hits = Vec::new();
         for (drawable, (centre, radius, range)) in self.spheres.iter().enumerate() {
             let along = (*centre - origin).dot(direction) / direction.length_squared();
             let nearest = origin + direction * along.max(0.0);
-            if self.transparent[drawable] || nearest.distance(*centre) > *radius {
+            let is_absent = self.transparent[drawable] || filter.is_hidden(drawable as u32);
+            if is_absent || nearest.distance(*centre) > *radius {
                 continue;
             }
             let found = self.triangles[range.clone()].iter();
             let t = found
                 .filter_map(|(_, t)| moller_trumbore(origin, direction, t))
+                .filter(is_kept)
                 .fold(f64::INFINITY, f64::min);
             if t.is_finite() {
                 hits.push((t, drawable as u32));
