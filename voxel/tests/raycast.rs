@@ -2,10 +2,10 @@
 
 mod common;
 
-use common::{random_ray, random_soup, unit_grid};
+use common::{Soup, random_ray, random_soup, unit_grid};
 use glam::DVec3;
 use voxsight_voxel::dag::DagRef;
-use voxsight_voxel::raycast::{GridRay, Instructions, Next, RayCaster, RayPacket};
+use voxsight_voxel::raycast::{Footprint, GridRay, Instructions, Next, RayCaster, RayPacket};
 use voxsight_voxel::voxelize::voxelize;
 
 /// A voxel crossed by more than this must be found (voxels).
@@ -127,6 +127,53 @@ fn a_ray_is_clipped_to_its_interval() {
         clipped += 1;
     }
     assert!(clipped > 200, "{clipped}");
+}
+
+#[test]
+fn a_start_that_underflows_on_the_border_is_the_same_for_every_path() {
+    // A corner that fills the first voxel.
+    let corner = Soup(vec![vec![[[0, 0, 0], [200, 0, 0], [0, 200, 200]]]]);
+    let voxels = voxelize(&unit_grid(6), &corner).unwrap();
+    let dag = voxels.dag.view();
+    assert!(dag.is_occupied([0, 0, 0]));
+    let tiny = f64::from_bits(1);
+    let footprints = [Footprint::default(), Footprint { width: 6.0, growth: 0.0 }];
+    for (x, y, z) in [(tiny, 1e-136, 1e-139), (1e-136, tiny, 0.5), (0.5, 0.25, tiny), (tiny, tiny, tiny)] {
+        for signs in 0..8 {
+            let sign = |k: u32| if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
+            let direction = DVec3::new(262.0 * sign(0), 361.0 * sign(1), 359.0 * sign(2));
+            let ray = GridRay::new(DVec3::new(x, y, z), direction);
+            for footprint in footprints {
+                let mut expected = Vec::new();
+                dag.cast_footprint(&ray, footprint, |hit| {
+                    expected.push((hit.voxel, hit.whole_brick));
+                    Next::Voxel
+                });
+                for instructions in Instructions::available() {
+                    let caster =
+                        RayCaster::new(dag).with_instructions(instructions).with_footprint(footprint);
+                    let mut found = [Vec::new(), Vec::new(), Vec::new()];
+                    caster.cast(&ray, |hit| {
+                        found[0].push((hit.voxel, hit.whole_brick));
+                        Next::Voxel
+                    });
+                    caster.cast_batch(&[ray], |_, hit| {
+                        found[1].push((hit.voxel, hit.whole_brick));
+                        Next::Voxel
+                    });
+                    let mut packet = RayPacket::default();
+                    packet.fill([ray]);
+                    caster.cast_packet(&mut packet, |_, hit| {
+                        found[2].push((hit.voxel, hit.whole_brick));
+                        Next::Voxel
+                    });
+                    for met in &found {
+                        assert_eq!(*met, expected, "{ray:?}, {instructions:?}, {footprint:?}");
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[test]

@@ -20,7 +20,8 @@ pub(super) fn cast(
     let top = dag.height;
 
     let mut voxel = walk.start();
-    if outside(voxel) {
+    // The second: a start so near the grid's low border, and going out, that t = 0 there by underflow.
+    if outside(voxel) || walk.crosses(voxel, 1).is_none() {
         return;
     }
     let mut t = 0.0;
