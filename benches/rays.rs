@@ -148,6 +148,7 @@ fn run(options: &Options, path: &Path) {
             packets(&caster, camera)
         });
         if let Some(rivals) = &rivals {
+            rivals.check(&scene, camera, &dag);
             time("obvhs CWBVH".into(), &one_core, &|| rivals.cwbvh(&scene, camera));
             time("obvhs BVH2".into(), &one_core, &|| rivals.bvh2(&scene, camera));
         }
@@ -174,16 +175,6 @@ fn run(options: &Options, path: &Path) {
         time("scalar".into(), &|| bounced.iter().filter(|ray| dag.any_hit(ray)).count() as u64);
         for instructions in Instructions::available() {
             let caster = RayCaster::new(dag).with_instructions(instructions);
-            time(format!("one ray {instructions:?}"), &|| {
-                let mut hits = 0;
-                for ray in &bounced {
-                    caster.cast(ray, |_| {
-                        hits += 1;
-                        Next::End
-                    });
-                }
-                hits
-            });
             time(format!("batch {instructions:?}"), &|| {
                 let mut hits = 0;
                 caster.cast_batch(&bounced, |_, _| {
@@ -274,7 +265,8 @@ fn print_table(names: &[String], columns: &[Column]) {
 
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+    let (lower, upper) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
+    0.5 * (lower + upper)
 }
 
 fn median_seconds(runs: usize, work: &(dyn Fn() -> u64 + Sync)) -> f64 {
@@ -286,7 +278,7 @@ fn median_seconds(runs: usize, work: &(dyn Fn() -> u64 + Sync)) -> f64 {
     median(times.collect())
 }
 
-/// All rays by the reference, by one ray and by packets of every instruction set: equal. Returns the hits.
+/// All rays by the reference, one by one and by packets of every instruction set: equal. Returns the hits.
 fn check(dag: &DagRef, camera: &Pinhole) -> u64 {
     let hits = std::sync::atomic::AtomicU64::new(0);
     camera.tiles().into_par_iter().for_each_init(RayPacket::default, |packet, tile| {
@@ -295,6 +287,8 @@ fn check(dag: &DagRef, camera: &Pinhole) -> u64 {
         hits.fetch_add(expected.iter().flatten().count() as u64, std::sync::atomic::Ordering::Relaxed);
         for instructions in Instructions::available() {
             let caster = RayCaster::new(*dag).with_instructions(instructions);
+            let one_by_one: Vec<_> = rays.iter().map(|ray| caster.first_hit(ray).map(|hit| hit.0)).collect();
+            assert_eq!(one_by_one, expected, "one ray differs from the reference ({instructions:?})");
             packet.fill(rays.iter().copied());
             let mut found = vec![None; rays.len()];
             caster.cast_packet(packet, |ray, hit| {
@@ -316,8 +310,14 @@ fn digest(voxel: [i32; 3]) -> u64 {
 
 fn scalar(dag: &DagRef, camera: &Pinhole) -> u64 {
     let tile_sum = |tile| {
-        let hit = |ray: GridRay| dag.first_hit(&ray).map_or(0, |(voxel, _)| digest(voxel));
-        camera.grid_rays(tile).map(hit).sum::<u64>()
+        let mut sum = 0;
+        for ray in camera.grid_rays(tile) {
+            dag.cast(&ray, |hit| {
+                sum += digest(hit.voxel);
+                Next::End
+            });
+        }
+        sum
     };
     camera.tiles().into_par_iter().map(tile_sum).sum()
 }

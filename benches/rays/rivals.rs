@@ -12,6 +12,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 use voxsight::scene::Scene;
+use voxsight_voxel::dag::DagRef;
 use voxsight_voxel::raycast::GridRay;
 
 use super::views::Pinhole;
@@ -49,6 +50,30 @@ impl Rivals {
         let bvh2 = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
         let (for_cwbvh, for_bvh2) = (in_order(&cwbvh.primitive_indices), in_order(&bvh2.primitive_indices));
         Rivals { cwbvh: (cwbvh, for_cwbvh), bvh2: (bvh2, for_bvh2) }
+    }
+
+    /// Both hierarchies find the same distance for every pixel, and a triangle only where there is a voxel.
+    pub fn check(&self, scene: &Scene, camera: &Pinhole, dag: &DagRef) {
+        let eye = (camera.eye - scene.grid().origin).as_vec3a();
+        let different: u64 = camera
+            .tiles()
+            .into_par_iter()
+            .map(|tile| {
+                let mut different = 0;
+                for (direction, grid_ray) in camera.directions(tile).zip(camera.grid_rays(tile)) {
+                    let ray = || Ray::new(eye, direction.as_vec3a(), 0.0, f32::INFINITY);
+                    let (mut wide, mut binary) = (RayHit::none(), RayHit::none());
+                    self.cwbvh.0.ray_traverse(ray(), &mut wide, |ray, id| self.cwbvh.1[id].intersect(ray));
+                    self.bvh2.0.ray_traverse(ray(), &mut binary, |ray, id| self.bvh2.1[id].intersect(ray));
+                    let is_same = wide.t == binary.t || (wide.t - binary.t).abs() <= 1e-5 * binary.t;
+                    let has_voxel = wide.t == f32::INFINITY || dag.any_hit(&grid_ray);
+                    different += u64::from(!is_same || !has_voxel);
+                }
+                different
+            })
+            .sum();
+        // f32 rays that graze an edge may pass it on either side.
+        assert!(different * 10_000 <= camera.pixels() as u64, "obvhs differs at {different} pixels");
     }
 
     /// Closest hits of all pixels by CWBVH; a checksum.

@@ -14,7 +14,7 @@ static SPREAD_Y: Spread = {
     let mut spread = [0; 256];
     let mut mask = 0;
     while mask < 256 {
-        spread[mask] = (mask as u32 & 0xf) * 0x1111 | (mask as u32 >> 4) * 0x1111_0000;
+        spread[mask] = ((mask as u32 & 0xf) * 0x1111) | ((mask as u32 >> 4) * 0x1111_0000);
         mask += 1;
     }
     spread
@@ -27,7 +27,7 @@ static SPREAD_X: Spread = {
     while mask < 256 {
         let mut bit = 0;
         while bit < 8 {
-            spread[mask] |= (mask as u32 >> bit & 1) * 0xf << (4 * bit);
+            spread[mask] |= ((mask as u32 >> bit & 1) * 0xf) << (4 * bit);
             bit += 1;
         }
         mask += 1;
@@ -70,18 +70,6 @@ pub(crate) fn mirror(mask: u64, flip: u32) -> u64 {
         m = swap(m, 0x0000_ffff_0000_ffff, 16).rotate_left(32);
     }
     m
-}
-
-/// [`mirror`] for when `flip` changes from call to call.
-#[inline(always)]
-pub(crate) fn mirror_without_branches(mask: u64, flip: u32) -> u64 {
-    let pick = |along: u32, a: u64, b: u64| {
-        let all = u64::from(flip >> along & 1).wrapping_neg();
-        (a & all) | (b & !all)
-    };
-    let m = pick(0, mirror(mask, 1), mask);
-    let m = pick(1, mirror(m, 2), m);
-    pick(2, mirror(m, 4), m)
 }
 
 /// What to XOR a cell's index with to mirror it along the axes of `flip`.
@@ -133,7 +121,6 @@ mod tests {
                 let mirrored =
                     (0..64).filter(|b| mask >> b & 1 == 1).fold(0, |m, b| m | 1 << (b ^ mirror_slot(flip)));
                 assert_eq!(mirror(mask, flip), mirrored, "{mask:x} {flip}");
-                assert_eq!(mirror_without_branches(mask, flip), mirrored, "{mask:x} {flip}");
             }
         }
     }

@@ -80,6 +80,15 @@ impl Class {
     /// Up to 64 rays: side by side, or unrelated but for their class.
     pub fn rays(self, random: &mut Random, scene: &Scene) -> Vec<GridRay> {
         let few_bits = random.one_in(2) || (scene.is_small() && random.one_in(2));
+        if self == Class::Absurd && random.one_in(2) {
+            // Among rays of a camera, which they must leave alone.
+            let mut rays = Class::Camera.rays(random, scene);
+            for _ in 0..1 + random.below(4) {
+                let lane = random.below(rays.len() as u64) as usize;
+                rays[lane] = self.tile(random, scene, few_bits).ray;
+            }
+            return rays;
+        }
         let count = if random.one_in(8) { 1 + random.below(PACKET_RAYS as u64) } else { PACKET_RAYS as u64 };
         if self == Class::Any || random.one_in(3) {
             return (0..count).map(|_| self.tile(random, scene, few_bits).ray).collect();

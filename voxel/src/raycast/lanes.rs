@@ -203,7 +203,13 @@ fn mask<S: Simd>(
     found
 }
 
-/// Least and greatest.
+/// Is any lane not a number? Least and greatest would mean nothing then.
+#[inline(always)]
+fn has_nan<S: Simd>(simd: S, lanes: &[f64; PACKET_RAYS]) -> bool {
+    mask(simd, lanes, |x| x.simd_eq(x)) != u64::MAX
+}
+
+/// Least and greatest, of numbers.
 #[inline(always)]
 fn extremes_f64<S: Simd>(simd: S, lanes: &[f64; PACKET_RAYS]) -> (f64, f64) {
     let mut least = f64x8::from_slice(simd, &lanes[..F64_LANES]);
@@ -218,7 +224,7 @@ fn extremes_f64<S: Simd>(simd: S, lanes: &[f64; PACKET_RAYS]) -> (f64, f64) {
 
 impl RayLanes<PACKET_RAYS> {
     /// The octant of all rays and their common bounds, straight from what was given; `None` when they go to several
-    /// octants, or are too far off or too oddly scaled for f32.
+    /// octants, are too far off or too oddly scaled for f32, or not numbers.
     ///
     /// Rays from one eye keep one origin here, however far it is: these bounds are tighter than those of rays that
     /// were re-based one by one.
@@ -227,7 +233,13 @@ impl RayLanes<PACKET_RAYS> {
         const STEEP: f64 = 1.0 / (1u64 << 20) as f64;
         let mut tile = TileSlabs::default();
         let mut flip = 0;
+        if has_nan(simd, &self.t_min) || has_nan(simd, &self.t_max) {
+            return None;
+        }
         for k in 0..3 {
+            if has_nan(simd, &self.direction[k]) || has_nan(simd, &self.origin[k]) {
+                return None;
+            }
             let (least, greatest) = extremes_f64(simd, &self.direction[k]);
             let (low, high) = extremes_f64(simd, &self.origin[k]);
             let falls = greatest < 0.0;
