@@ -17,6 +17,7 @@ mod common;
 #[path = "rays/rivals.rs"]
 mod rivals;
 #[path = "rays/views.rs"]
+#[allow(dead_code, reason = "the bench of visibility makes cameras of them too")]
 mod views;
 
 use std::hint::black_box;

@@ -13,6 +13,8 @@ pub const TILE: usize = 8;
 /// little.
 pub struct Pinhole {
     pub eye: DVec3,
+    pub target: DVec3,
+    pub up: DVec3,
     corner: DVec3,
     right: DVec3,
     down: DVec3,
@@ -36,6 +38,8 @@ impl Pinhole {
         let down = forward.cross(right).normalize_or_zero() * reach;
         Pinhole {
             eye,
+            target,
+            up,
             corner: forward - right - down,
             right: right * (2.0 / size as f64),
             down: down * (2.0 / size as f64),

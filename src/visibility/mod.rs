@@ -11,6 +11,7 @@
 mod accuracy;
 pub mod culling;
 mod frustum;
+mod hybrid;
 mod sampling;
 mod voxel;
 
@@ -22,6 +23,7 @@ use glam::DVec3;
 use serde::Serialize;
 use voxsight_voxel::dag::{DagRef, OwnersRef};
 use voxsight_voxel::grid::Grid;
+use voxsight_voxel::raycast::PACKET_RAYS;
 
 pub use accuracy::{Accuracy, ClassError, accuracy};
 pub use sampling::{PixelRay, for_each_pixel_ray, sample_offset};
@@ -113,9 +115,8 @@ impl VisibleSet {
         self.visible[drawable as usize] = true;
     }
 
-    /// Counts what one ray met: its first opaque drawable and, of the transparent hits, those before it. True when
-    /// there was anything.
-    fn count_ray(&mut self, through: &[TriangleHit], first_opaque: Option<(u32, f64)>) -> bool {
+    /// Counts what one ray met: its first opaque drawable and, of the transparent hits, those before it.
+    fn count_ray(&mut self, through: &[TriangleHit], first_opaque: Option<(u32, f64)>) {
         let end = first_opaque.map_or(f64::INFINITY, |(_, t)| t);
         let mut any = first_opaque.is_some();
         for hit in through.iter().filter(|hit| hit.t < end) {
@@ -125,7 +126,7 @@ impl VisibleSet {
         if let Some((drawable, _)) = first_opaque {
             self.count(drawable);
         }
-        any
+        self.hits += u64::from(any);
     }
 
     fn merge(&mut self, other: &VisibleSet) {
@@ -156,19 +157,14 @@ impl VisibleSet {
     }
 }
 
-/// What one ray of a query finds.
-pub(crate) trait RayQuery: Sync {
-    /// Counts what the ray meets; true when it met anything.
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool;
-}
+/// What the rays of a query find.
+trait RayQuery: Sync {
+    /// Working memory of a thread.
+    type Scratch: Default;
 
-/// Working memory of a thread; stale at the start of a ray.
-#[derive(Default)]
-pub(crate) struct Scratch {
-    /// Drawables whose triangles were asked, or that were counted, along this ray.
-    asked: Vec<u32>,
-    /// Hits with transparent drawables along this ray.
-    through: Vec<TriangleHit>,
+    /// Counts what each of the rays meets. They are those of one sample of a tile, at most [`PACKET_RAYS`], already cut to
+    /// what the filter leaves.
+    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut Self::Scratch);
 }
 
 /// Asks what the camera sees. Uses all threads of the current rayon pool; the answer does not depend on their number.
@@ -191,18 +187,20 @@ pub fn query_until(
     settings: &QuerySettings,
     progress: &dyn Progress,
 ) -> Option<VisibleSet> {
-    let cast = |query: &dyn RayQuery| cast_all(query, scene, camera, settings, progress);
     match method {
         Method::Frustum => Some(frustum::in_frustum(scene, camera)),
-        Method::Exact => cast(&ExactQuery(*scene)),
-        Method::Voxel => cast(&voxel::VoxelQuery::new(scene)),
-        Method::Hybrid => cast(&voxel::HybridQuery::new(scene, camera, settings.accept_below_px)),
+        Method::Exact => cast_all(&ExactQuery(*scene), scene, camera, settings, progress),
+        Method::Voxel => cast_all(&voxel::VoxelQuery::new(scene), scene, camera, settings, progress),
+        Method::Hybrid => {
+            let query = hybrid::HybridQuery::new(scene, camera, settings.accept_below_px);
+            cast_all(&query, scene, camera, settings, progress)
+        }
     }
 }
 
 /// Casts all rays of an image; counting is per thread and merged once.
-fn cast_all(
-    query: &dyn RayQuery,
+fn cast_all<Q: RayQuery>(
+    query: &Q,
     scene: &QueryScene,
     camera: &CameraRays,
     settings: &QuerySettings,
@@ -214,17 +212,22 @@ fn cast_all(
     let next = AtomicUsize::new(0);
     let parts = rayon::broadcast(|_| {
         let mut found = VisibleSet::new(drawables);
-        let mut scratch = Scratch::default();
+        let mut scratch = Q::Scratch::default();
+        let mut rays = Vec::with_capacity(PACKET_RAYS);
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(tile) = tiles.get(index) else { return Some(found) };
             if progress.is_cancelled() {
                 return None;
             }
-            for_each_pixel_ray(camera, tile, samples.clone(), |pixel| {
-                found.rays += 1;
-                found.hits += u64::from(query.trace(&pixel.ray, &mut found, &mut scratch));
-            });
+            for sample in samples.clone() {
+                rays.clear();
+                for_each_pixel_ray(camera, tile, sample..sample + 1, |pixel| {
+                    rays.extend(scene.filter.clipped(&pixel.ray));
+                });
+                found.rays += tile.pixels();
+                query.trace(&rays, &mut found, &mut scratch);
+            }
             progress.advance(tile.pixels());
         }
     });
@@ -238,10 +241,15 @@ fn cast_all(
 struct ExactQuery<'a>(QueryScene<'a>);
 
 impl RayQuery for ExactQuery<'_> {
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
-        scratch.through.clear();
+    /// Hits with transparent drawables.
+    type Scratch = Vec<TriangleHit>;
+
+    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, through: &mut Vec<TriangleHit>) {
         let ExactQuery(QueryScene { exact, filter, .. }) = self;
-        let opaque = exact.closest_through(ray, filter, |hit| scratch.through.push(hit));
-        found.count_ray(&scratch.through, opaque.map(|hit| (hit.drawable, hit.t)))
+        for ray in rays {
+            through.clear();
+            let opaque = exact.closest_through(ray, filter, |hit| through.push(hit));
+            found.count_ray(through, opaque.map(|hit| (hit.drawable, hit.t)));
+        }
     }
 }

@@ -1,15 +1,13 @@
-//! Queries through the voxel DAG: `voxel` and `hybrid`.
+//! The query `voxel`, and what queries through the voxel DAG share.
 
 use voxsight_voxel::dag::Owners;
-use voxsight_voxel::raycast::{GridRay, Next, RayCaster, VoxelHit};
+use voxsight_voxel::raycast::{GridRay, Next, RayCaster, RayPacket, VoxelHit};
 
-use super::{QueryScene, RayQuery, Scratch, VisibleSet};
-use crate::camera::CameraRays;
-use crate::exact::TriangleHit;
+use super::{QueryScene, RayQuery, VisibleSet};
 use crate::ray::Ray;
 
 /// The same ray in voxel units; `t` stays.
-fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
+pub(super) fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
     GridRay {
         origin: scene.grid.grid_from_world(ray.origin),
         direction: ray.direction / scene.grid.voxel_size,
@@ -18,23 +16,31 @@ fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
     }
 }
 
-/// Owners of the brick last asked for: neighbouring voxels along a ray mostly share it.
-struct BrickOwners<'a> {
-    last: Option<([i32; 3], Owners<'a>)>,
+/// Bricks whose owners are kept: 4x4x4 of them side by side have places of their own.
+const KEPT_BRICKS: usize = 64;
+
+/// Owners of bricks met a moment ago: the rays of a tile mostly meet the same ones.
+pub(super) struct KeptOwners<'a> {
+    kept: Vec<Option<([i32; 3], Owners<'a>)>>,
 }
 
-impl<'a> BrickOwners<'a> {
-    fn new() -> Self {
-        BrickOwners { last: None }
+impl Default for KeptOwners<'_> {
+    fn default() -> Self {
+        KeptOwners { kept: vec![None; KEPT_BRICKS] }
     }
+}
 
-    fn of_brick(&mut self, scene: &QueryScene<'a>, hit: &VoxelHit) -> Owners<'a> {
+impl<'a> KeptOwners<'a> {
+    /// Owners of the brick of a hit.
+    #[inline]
+    pub fn of_brick(&mut self, scene: &QueryScene<'a>, hit: &VoxelHit) -> Owners<'a> {
         let brick = hit.voxel.map(|c| c >> 2);
-        match self.last {
-            Some((last, owners)) if last == brick => owners,
+        let place = (brick[0] & 3 | (brick[1] & 3) << 2 | (brick[2] & 3) << 4) as usize;
+        match self.kept[place] {
+            Some((kept, owners)) if kept == brick => owners,
             _ => {
                 let owners = scene.owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
-                self.last = Some((brick, owners));
+                self.kept[place] = Some((brick, owners));
                 owners
             }
         }
@@ -52,24 +58,33 @@ impl<'a> VoxelQuery<'a> {
     }
 }
 
-impl RayQuery for VoxelQuery<'_> {
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
-        let exact = self.scene.exact;
-        let mut owners = BrickOwners::new();
-        let filter = self.scene.filter;
-        let passed = &mut scratch.asked;
+/// Working memory of a thread.
+#[derive(Default)]
+pub(super) struct VoxelScratch<'a> {
+    packet: RayPacket,
+    owners: KeptOwners<'a>,
+    /// (ray, transparent drawable) that was counted.
+    passed: Vec<(usize, u32)>,
+}
+
+impl<'a> RayQuery for VoxelQuery<'a> {
+    type Scratch = VoxelScratch<'a>;
+
+    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut VoxelScratch<'a>) {
+        let QueryScene { exact, filter, .. } = self.scene;
+        let VoxelScratch { packet, owners, passed } = scratch;
         passed.clear();
-        let mut any = false;
-        let Some(ray) = filter.clipped(ray) else { return false };
-        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, &ray), |hit| {
-            let of_voxel = owners.of_brick(&self.scene, hit).of_voxel(hit.bit());
+        packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
+        let mut met = 0u64;
+        RayCaster::new(self.scene.dag).cast_packet(packet, |ray, hit| {
             let mut first_opaque = None;
-            for owner in of_voxel.filter(|&owner| !filter.is_hidden(owner)) {
-                any = true;
+            let of_brick = owners.of_brick(&self.scene, hit);
+            for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
+                met |= 1 << ray;
                 found.visible[owner as usize] = true;
                 if exact.is_transparent(owner) {
-                    if !passed.contains(&owner) {
-                        passed.push(owner);
+                    if !passed.contains(&(ray, owner)) {
+                        passed.push((ray, owner));
                         found.count(owner);
                     }
                 } else if first_opaque.is_none() {
@@ -84,81 +99,6 @@ impl RayQuery for VoxelQuery<'_> {
                 None => Next::Voxel,
             }
         });
-        any
-    }
-}
-
-/// Voxels name the candidates, front to back; each candidate's triangles are asked once a ray. The nearest hit wins as
-/// soon as the ray has come to it.
-///
-/// Every voxel that a triangle touches knows it as owner, so that with `accept_below_px` 0 this finds what `exact` finds: the
-/// voxel that holds the nearest hit is entered before the walk ends.
-pub(super) struct HybridQuery<'a> {
-    scene: QueryScene<'a>,
-    camera: &'a CameraRays,
-    /// A voxel smaller than so many pixels is accepted unseen.
-    accept_below_px: f64,
-}
-
-impl<'a> HybridQuery<'a> {
-    pub fn new(scene: &QueryScene<'a>, camera: &'a CameraRays, accept_below_px: f64) -> Self {
-        HybridQuery { scene: *scene, camera, accept_below_px }
-    }
-}
-
-impl RayQuery for HybridQuery<'_> {
-    fn trace(&self, ray: &Ray, found: &mut VisibleSet, scratch: &mut Scratch) -> bool {
-        let QueryScene { exact, filter, .. } = self.scene;
-        let Some(ray) = filter.clipped(ray) else { return false };
-        let mut owners = BrickOwners::new();
-        let Scratch { asked, through } = scratch;
-        asked.clear();
-        through.clear();
-        let mut best: Option<TriangleHit> = None;
-        let mut accepted: Option<(u32, f64)> = None;
-        // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
-        let slack = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
-        RayCaster::new(self.scene.dag).cast(&grid_ray(&self.scene, &ray), |hit| {
-            if best.is_some_and(|best| hit.t() > best.t + slack) {
-                return Next::End;
-            }
-            let unseen = self.scene.grid.voxel_size < self.camera.pixel_at(hit.t()) * self.accept_below_px;
-            let of_brick = owners.of_brick(&self.scene, hit);
-            for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
-                if unseen {
-                    found.visible[owner as usize] = true;
-                    if !exact.is_transparent(owner) && accepted.is_none() {
-                        accepted = Some((owner, hit.t()));
-                    }
-                    continue;
-                }
-                if asked.contains(&owner) {
-                    continue;
-                }
-                asked.push(owner);
-                let limit = Ray { t_max: best.map_or(ray.t_max, |best| best.t), ..ray };
-                let Some(triangle) = exact.closest_of(owner, &limit) else { continue };
-                if exact.is_transparent(owner) {
-                    through.push(triangle);
-                } else if best.is_none_or(|b| triangle.t < b.t || triangle.t == b.t && owner < b.drawable) {
-                    best = Some(triangle);
-                }
-            }
-            if accepted.is_some() {
-                Next::End
-            } else if !unseen && of_brick.all().all(|owner| asked.contains(&owner) || filter.is_hidden(owner))
-            {
-                // The brick has nothing more to tell.
-                Next::Brick
-            } else {
-                Next::Voxel
-            }
-        });
-        let best = best.map(|hit| (hit.drawable, hit.t));
-        let first = match (best, accepted) {
-            (Some(best), Some(accepted)) if accepted.1 < best.1 => Some(accepted),
-            (best, accepted) => best.or(accepted),
-        };
-        found.count_ray(through, first)
+        found.hits += u64::from(met.count_ones());
     }
 }
