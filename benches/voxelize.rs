@@ -32,11 +32,6 @@ impl Drawables for Placed<'_> {
         self.model.objects.len() as u32
     }
 
-    fn triangle_count(&self, drawable: u32) -> u32 {
-        let part = self.model.objects[drawable as usize].part;
-        self.model.parts[part as usize].mesh.triangles.len() as u32
-    }
-
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
         let object = &self.model.objects[drawable as usize];
         let part = &self.model.parts[object.part as usize].mesh;

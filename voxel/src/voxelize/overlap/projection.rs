@@ -125,13 +125,13 @@ impl<S: Simd> Projection<S> {
     /// Columns of the 4x4 that lie within the bounds on all three axes: bit a + 4 b. `offset_value` is the first one's
     /// value plus the bounds' offset.
     #[inline(always)]
-    pub fn columns(&self, offset_value: i32x4<S>, bounds: &EdgeBounds<S>) -> u64 {
+    pub fn columns(&self, offset_value: i32x4<S>, bounds: &EdgeBounds<S>) -> u16 {
         let first = offset_value.to_array();
         let limit = bounds.limit.to_array();
         let within_0 = (self.steps[0] + first[0]).simd_lt(limit[0]);
         let within_1 = (self.steps[1] + first[1]).simd_lt(limit[1]);
         let within_2 = (self.steps[2] + first[2]).simd_lt(limit[2]);
-        (within_0 & within_1 & within_2).to_bitmask()
+        (within_0 & within_1 & within_2).to_bitmask() as u16
     }
 }
 
