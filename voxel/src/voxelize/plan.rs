@@ -5,13 +5,14 @@
 //! - *Bricks*: what its drawables are estimated to become is more than a task should hold. Only cells above [`PAGE_HEIGHT`].
 //! - *Triangles*: more than one thread should have to itself. But a drawable goes to every child that its box touches, and
 //!   is loaded again for each. So a cell is not cut for triangles if its children would have too many times those of the
-//!   cell ([`MOST_REPEATS`], counted over all cuts from the root down): a large drawable of many small triangles is left whole.
-//!   Unless cells are cut for bricks, all tasks together load at most that many times all triangles.
+//!   cell ([`MOST_REPEATS`], the product over all cells from the root down): a large drawable of many small triangles is
+//!   left whole. Unless cells are cut for bricks, all tasks together load at most that many times all triangles.
 //!
 //! Owner pages end with cells of [`PAGE_HEIGHT`] and with tasks, and where they end is part of the result. So settings may cut
-//! what is larger, which is many pages, and nothing else. Below, the drawables alone decide: a cell is *dense* if it has more
-//! than [`DENSE_TRIANGLES`], may be cut for triangles, and all cells above it are dense. Dense cells are cut whatever the
-//! settings, so that the chain of them down from the root is the same for all; a cell that only settings cut ends the chain.
+//! what is larger, which is many pages, and nothing else. Below, a cell is cut if it is *dense*: it has more than
+//! [`DENSE_TRIANGLES`], and may be cut for triangles. Every cell above a dense one is dense as well, since it has no fewer
+//! triangles and its product is no greater (every drawable goes to one child at least). Dense cells are cut whatever the
+//! settings. So which cells of [`PAGE_HEIGHT`] and below are reached and cut depends on the drawables alone.
 
 use rayon::prelude::*;
 
@@ -84,8 +85,6 @@ struct Open {
     drawables: Vec<u32>,
     /// Product, over the cells above it, of how many times a cell's triangles its children have together.
     repeats: f64,
-    /// Are all cells above it dense?
-    below_dense: bool,
 }
 
 /// The tasks, in depth-first order of their cells.
@@ -123,7 +122,7 @@ impl Tasks {
             .collect::<Result<Vec<_>, _>>()?;
         let all: Vec<u32> =
             (0..drawables.count()).filter(|&drawable| measures[drawable as usize].is_some()).collect();
-        let root = Open { cell: root, drawables: all, repeats: 1.0, below_dense: true };
+        let root = Open { cell: root, drawables: all, repeats: 1.0 };
         Ok(Tasks {
             seen: vec![0; measures.len().div_ceil(64)],
             stack: if root.drawables.is_empty() { Vec::new() } else { vec![root] },
@@ -149,8 +148,7 @@ impl Tasks {
     fn cut(&self, open: &Open) -> Option<Vec<Open>> {
         let triangles = self.triangles(&open.drawables);
         let is_large = open.cell.height > PAGE_HEIGHT;
-        let may_be_dense = open.below_dense && triangles > self.dense_triangles;
-        let is_too_many = may_be_dense || is_large && triangles > self.task_triangles;
+        let is_too_many = triangles > self.dense_triangles || is_large && triangles > self.task_triangles;
         let is_too_much = is_large && self.bricks(open) > self.task_bricks as f64;
         if open.cell.height == 1 || !is_too_many && !is_too_much {
             return None;
@@ -158,10 +156,9 @@ impl Tasks {
         let of_child = self.children(open);
         let of_children: u64 = of_child.iter().map(|(_, drawables)| self.triangles(drawables)).sum();
         let repeats = open.repeats * of_children as f64 / triangles as f64;
-        let is_worth_it = repeats <= MOST_REPEATS;
-        let below_dense = may_be_dense && is_worth_it;
-        let child = |(cell, drawables)| Open { cell, drawables, repeats, below_dense };
-        (is_too_much || is_too_many && is_worth_it).then(|| of_child.into_iter().map(child).collect())
+        let child = |(cell, drawables)| Open { cell, drawables, repeats };
+        let is_cut = is_too_much || is_too_many && repeats <= MOST_REPEATS;
+        is_cut.then(|| of_child.into_iter().map(child).collect())
     }
 
     /// Bricks that a cell's drawables touch within it, roughly.

@@ -158,8 +158,7 @@ fn a_large_drawable_of_many_triangles_is_not_loaded_again_and_again() {
 #[test]
 fn long_thin_triangles_count_for_planning_as_what_they_touch() {
     let side = 256 << 10;
-    let needles =
-        Crowd((0..30).map(|i| vec![[[0, i * 8000, 5], [side, side, i * 8000], [side, side, 9]]]).collect());
+    let needles = Crowd((0..30).map(|i| vec![[[0, i * 8000, 5], [side; 3], [side; 3]]]).collect());
     let settings = Settings { task_bricks: 1000, ..Settings::default() };
     // Each touches 256 bricks and more; without area they would be one each.
     assert!(build(&needles, 10, &settings, u64::MAX).1 > 7);
