@@ -14,7 +14,7 @@ static SPREAD_Y: Spread = {
     let mut spread = [0; 256];
     let mut mask = 0;
     while mask < 256 {
-        spread[mask] = (mask as u32 & 0xf) * 0x1111 | (mask as u32 >> 4) * 0x1111_0000;
+        spread[mask] = ((mask as u32 & 0xf) * 0x1111) | ((mask as u32 >> 4) * 0x1111_0000);
         mask += 1;
     }
     spread
@@ -27,7 +27,7 @@ static SPREAD_X: Spread = {
     while mask < 256 {
         let mut bit = 0;
         while bit < 8 {
-            spread[mask] |= (mask as u32 >> bit & 1) * 0xf << (4 * bit);
+            spread[mask] |= ((mask as u32 >> bit & 1) * 0xf) << (4 * bit);
             bit += 1;
         }
         mask += 1;

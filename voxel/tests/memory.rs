@@ -1,5 +1,6 @@
 //! The limit of memory, alone in a process so that its peak means something.
 #![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod common;
 

@@ -9,7 +9,7 @@ use super::bits::{box_mask, per_axis, range_bits, split_window};
 use super::projection::{SMALL, fits_32_bits};
 use crate::bits::SetBits;
 use crate::grid::SUBVOXELS;
-use crate::voxelize::{SnappedTriangle, for_each_cell};
+use crate::voxelize::for_each_cell;
 
 /// Up to this many bricks in a triangle's box, each is tested without looking for touched ones first.
 const FEW_BRICKS: i32 = 4;
@@ -48,19 +48,6 @@ impl Region {
     }
 }
 
-/// [`for_each_brick`] for many triangles.
-#[inline(always)]
-pub(super) fn for_each_brick_of<S: Simd>(
-    simd: S,
-    triangles: impl IntoIterator<Item = SnappedTriangle>,
-    clip: Region,
-    visit: &mut impl FnMut([i32; 3], u64),
-) {
-    for triangle in triangles {
-        for_each_brick(simd, &TriangleOverlap::new(triangle), clip, visit);
-    }
-}
-
 /// Visits the bricks that the triangle touches within `clip`, whose borders are borders of bricks.
 #[inline(always)]
 pub(super) fn for_each_brick<S: Simd>(
@@ -75,6 +62,7 @@ pub(super) fn for_each_brick<S: Simd>(
     let level = region.level();
     let corner = per_axis(|k| region.first[k] >> level << level);
     let window = Window { corner, level, region };
+    // Up to level 2 it always does: windows of 16 voxels at most.
     if level > 2 && !fits_32_bits(triangle.extent(), 4 << level) {
         return wide(triangle, &window, visit);
     }
