@@ -99,9 +99,6 @@ impl Drawables for Diagonal {
     fn count(&self) -> u32 {
         self.0
     }
-    fn triangle_count(&self, _drawable: u32) -> u32 {
-        1
-    }
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
         let at = 256 * (2 * drawable as i32 % 60) + 100;
         mesh.vertices = vec![[at, at, at], [at + 300, at, at], [at, at + 700, at + 20]];

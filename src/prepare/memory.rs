@@ -1,6 +1,6 @@
 //! A limit on the memory of the process, for long work that would rather stop than swap.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use super::resources::resident_bytes;
@@ -34,9 +34,8 @@ pub struct MemoryGuard<'a> {
     progress: &'a dyn Progress,
     started: Instant,
     next_check_ms: AtomicU64,
-    exceeded: AtomicBool,
-    /// Resident bytes when the limit was found exceeded.
-    used: AtomicU64,
+    /// Resident bytes when the limit was found exceeded; 0 until then. One number, so that nobody sees one without the other.
+    exceeded_at: AtomicU64,
 }
 
 impl<'a> MemoryGuard<'a> {
@@ -54,8 +53,7 @@ impl<'a> MemoryGuard<'a> {
             progress,
             started: Instant::now(),
             next_check_ms: AtomicU64::new(0),
-            exceeded: AtomicBool::new(false),
-            used: AtomicU64::new(0),
+            exceeded_at: AtomicU64::new(0),
         })
     }
 
@@ -70,10 +68,8 @@ impl<'a> MemoryGuard<'a> {
     /// [`MemoryError::Exceeded`] once the limit was found exceeded; measures now.
     pub fn check(&self) -> Result<(), MemoryError> {
         self.measure();
-        match self.limit {
-            Some(limit) if self.exceeded.load(Ordering::Relaxed) => {
-                Err(MemoryError::Exceeded { limit, used: self.used.load(Ordering::Relaxed) })
-            }
+        match (self.limit, self.exceeded_at.load(Ordering::Relaxed)) {
+            (Some(limit), used) if used > 0 => Err(MemoryError::Exceeded { limit, used }),
             _ => Ok(()),
         }
     }
@@ -81,9 +77,9 @@ impl<'a> MemoryGuard<'a> {
     fn measure(&self) {
         if let (Some(limit), Some(used)) = (self.limit, resident_bytes())
             && used > limit
-            && !self.exceeded.swap(true, Ordering::Relaxed)
         {
-            self.used.store(used, Ordering::Relaxed);
+            // The first to notice is the one that counts.
+            let _ = self.exceeded_at.compare_exchange(0, used, Ordering::Relaxed, Ordering::Relaxed);
         }
     }
 }
@@ -110,6 +106,36 @@ impl Progress for MemoryGuard<'_> {
                 self.measure();
             }
         }
-        self.exceeded.load(Ordering::Relaxed) || self.progress.is_cancelled()
+        self.exceeded_at.load(Ordering::Relaxed) > 0 || self.progress.is_cancelled()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Barrier;
+
+    use super::*;
+    use crate::progress::Silent;
+
+    #[test]
+    fn every_thread_that_hears_of_the_limit_hears_what_was_used() {
+        const THREADS: usize = 4;
+        for round in 0..200 {
+            let Ok(guard) = MemoryGuard::new(Some(1), &Silent) else {
+                assert!(resident_bytes().is_none(), "round {round}: refused where memory can be measured");
+                return;
+            };
+            let start = Barrier::new(THREADS);
+            std::thread::scope(|scope| {
+                for _ in 0..THREADS {
+                    scope.spawn(|| {
+                        start.wait();
+                        let error = guard.check().expect_err("every process holds more than a byte");
+                        let is_told = matches!(error, MemoryError::Exceeded { limit: 1, used: 2.. });
+                        assert!(is_told, "round {round}: {error}");
+                    });
+                }
+            });
+        }
     }
 }

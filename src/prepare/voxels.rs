@@ -1,6 +1,7 @@
 //! The scene's drawables as the voxelizer wants them: level 0, as it will be decoded, snapped to the grid.
 
 use std::io::{self, Write};
+use std::ops::ControlFlow;
 
 use glam::{DAffine3, DMat3, DVec3};
 use voxsight_voxel::grid::Grid;
@@ -31,11 +32,6 @@ impl Drawables for SceneDrawables<'_> {
         self.placed.len() as u32
     }
 
-    fn triangle_count(&self, drawable: u32) -> u32 {
-        let (_, chunk) = self.placed[drawable as usize];
-        self.chunks[chunk as usize].mesh.triangles.len() as u32
-    }
-
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
         let (world_from_part, chunk) = self.placed[drawable as usize];
         let ChunkGeometry { offset, step, mesh: level } = &self.chunks[chunk as usize];
@@ -49,9 +45,9 @@ impl Drawables for SceneDrawables<'_> {
         mesh.triangles.extend_from_slice(&level.triangles);
     }
 
-    fn advance(&self, triangles: u64) -> bool {
+    fn advance(&self, triangles: u64) -> ControlFlow<()> {
         self.progress.advance(triangles);
-        self.progress.is_cancelled()
+        if self.progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 

@@ -20,12 +20,12 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use exact::{Class, GRID_LOG2};
-use fearless_simd::Level;
 use oorandom::Rand64;
 use rayon::prelude::*;
 use voxsight_voxel::grid::Grid;
+use voxsight_voxel::raycast::Instructions;
 use voxsight_voxel::voxelize::SnappedTriangle;
-use voxsight_voxel::voxelize::overlap::{TriangleOverlap, for_each_brick_of};
+use voxsight_voxel::voxelize::overlap::TriangleOverlap;
 
 const RUNS: usize = 5;
 /// Voxels to set in a timed run, about.
@@ -140,20 +140,6 @@ fn accuracy(triangles: u64, seed: u64) {
     }
 }
 
-/// SIMD levels of this processor, slowest first.
-fn levels() -> Vec<Level> {
-    let best = Level::new();
-    #[cfg(target_arch = "x86_64")]
-    {
-        let lower = [best.as_sse2().map(Level::Sse2), best.as_avx2().map(Level::Avx2)];
-        let mut levels: Vec<Level> = lower.into_iter().flatten().collect();
-        levels.extend(best.as_avx512().map(Level::Avx512));
-        levels
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    vec![best]
-}
-
 /// Triangles with right-angled legs of about `leg` voxels inside the block; `flat` ones lie across an axis.
 fn triangles_of(leg: f64, flat: bool, count: usize) -> Vec<SnappedTriangle> {
     let grid = Grid { origin: glam::DVec3::ZERO, voxel_size: 1.0, log2: GRID_LOG2 };
@@ -189,10 +175,10 @@ fn triangles_of(leg: f64, flat: bool, count: usize) -> Vec<SnappedTriangle> {
     triangles
 }
 
-fn check_speed_sample(level: Level, triangle: SnappedTriangle) {
+fn check_speed_sample(instructions: Instructions, triangle: SnappedTriangle) {
     let overlap = TriangleOverlap::new(triangle);
     let mut bricks = std::collections::BTreeMap::new();
-    for_each_brick_of(level, [triangle], BLOCK, BLOCK_SHIFT, SIDE, &mut |brick, mask| {
+    overlap.for_each_brick_with(instructions, BLOCK, BLOCK_SHIFT, SIDE, &mut |brick, mask| {
         assert_eq!(bricks.insert(brick, mask), None, "a brick comes twice");
     });
     let (first, last) = overlap.cell_range(2);
@@ -241,27 +227,20 @@ fn speed() {
         }
         let count = (VOXELS_A_RUN / (3.0 + 2.0 * leg + leg * leg)) as usize;
         let triangles = triangles_of(leg, flat, count);
-        for level in levels() {
+        for instructions in Instructions::available() {
             for &triangle in triangles.iter().take(if leg > 20.0 { 20 } else { 200 }) {
-                check_speed_sample(level, triangle);
+                check_speed_sample(instructions, triangle);
             }
-            let name = format!("{level:?}");
-            let name = name.split('(').next().unwrap();
+            let name = format!("{instructions:?}");
             let seconds_and_visited = median(|visited| {
-                let triangles = black_box(&triangles).iter().copied();
-                for_each_brick_of(level, triangles, BLOCK, BLOCK_SHIFT, SIDE, &mut |_, mask| {
-                    visited.add(mask)
-                });
+                for &triangle in black_box(&triangles) {
+                    let overlap = TriangleOverlap::new(triangle);
+                    let visit = &mut |_, mask| visited.add(mask);
+                    overlap.for_each_brick_with(instructions, BLOCK, BLOCK_SHIFT, SIDE, visit);
+                }
             });
-            print_row(leg, flat, name, count, seconds_and_visited);
+            print_row(leg, flat, &name, count, seconds_and_visited);
         }
-        let seconds_and_visited = median(|visited| {
-            for &triangle in black_box(&triangles) {
-                let overlap = TriangleOverlap::new(triangle);
-                overlap.for_each_brick(BLOCK, BLOCK_SHIFT, SIDE, &mut |_, mask| visited.add(mask));
-            }
-        });
-        print_row(leg, flat, "(alone)", count, seconds_and_visited);
     }
 }
 

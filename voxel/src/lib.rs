@@ -21,7 +21,6 @@
 //! struct OneTriangle(Grid);
 //! impl Drawables for OneTriangle {
 //!     fn count(&self) -> u32 { 1 }
-//!     fn triangle_count(&self, _: u32) -> u32 { 1 }
 //!     fn load(&self, _: u32, mesh: &mut SnappedMesh) {
 //!         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
 //!         mesh.vertices = corners.map(|p| self.0.snap(self.0.grid_from_world(p))).to_vec();

@@ -6,11 +6,11 @@ mod exact;
 use std::collections::BTreeMap;
 
 use exact::{Class, ExactTriangle, GRID_LOG2, UNIT};
-use fearless_simd::Level;
 use oorandom::Rand64;
 use voxsight_voxel::grid::Grid;
+use voxsight_voxel::raycast::Instructions;
 use voxsight_voxel::voxelize::SnappedTriangle;
-use voxsight_voxel::voxelize::overlap::{TriangleOverlap, for_each_brick_of};
+use voxsight_voxel::voxelize::overlap::TriangleOverlap;
 
 const SIDE: i32 = 1 << GRID_LOG2;
 
@@ -22,29 +22,15 @@ fn snap(v: ExactTriangle) -> SnappedTriangle {
     v.map(|p| grid().snap(exact::grid_position(p)))
 }
 
-/// Every SIMD level of this processor.
-fn levels() -> Vec<Level> {
-    #[allow(unused_mut, reason = "other processors have one level")]
-    let mut levels = vec![Level::new()];
-    #[cfg(target_arch = "x86_64")]
-    {
-        let best = Level::new();
-        levels.extend(best.as_sse2().map(Level::Sse2));
-        levels.extend(best.as_sse4_2().map(Level::Sse4_2));
-        levels.extend(best.as_avx2().map(Level::Avx2));
-    }
-    levels
-}
-
 fn bricks(
-    level: Level,
+    instructions: Instructions,
     v: SnappedTriangle,
     cell: [i32; 3],
     shift: u32,
     seed: &str,
 ) -> BTreeMap<[i32; 3], u64> {
     let mut bricks = BTreeMap::new();
-    for_each_brick_of(level, [v], cell, shift, SIDE, &mut |brick, mask| {
+    TriangleOverlap::new(v).for_each_brick_with(instructions, cell, shift, SIDE, &mut |brick, mask| {
         assert!(mask != 0, "{seed}: {v:?} {brick:?} is empty");
         assert_eq!(bricks.insert(brick, mask), None, "{seed}: {v:?} {brick:?} comes twice");
     });
@@ -157,7 +143,7 @@ fn every_brick_of_a_cell_comes_once_on_every_simd_level() {
                 let mut expected = BTreeMap::new();
                 bricks_one_by_one(&TriangleOverlap::new(snapped), cell, shift, &mut expected);
                 count += expected.len();
-                for level in levels() {
+                for level in Instructions::available() {
                     let at = format!(
                         "{class:?}, seed {seed}, round {round}, {level:?}, cell {cell:?} of 2^{shift}"
                     );
@@ -187,7 +173,7 @@ fn triangles_in_a_block_come_whole_whatever_their_size() {
             let snapped = snap(exact);
             let mut expected = BTreeMap::new();
             bricks_one_by_one(&TriangleOverlap::new(snapped), [300 * 256; 3], 8, &mut expected);
-            for level in levels() {
+            for level in Instructions::available() {
                 let at = format!("seed {seed}, round {round}, {level:?}");
                 assert_eq!(bricks(level, snapped, [300 * 256; 3], 8, &at), expected, "{at}: {snapped:?}");
             }

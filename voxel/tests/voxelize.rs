@@ -3,14 +3,20 @@
 mod common;
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
+
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
 
 use common::{Soup, random_soup, random_soup_within, unit_grid};
 use voxsight_voxel::dag::owners::OwnersIndex;
 use voxsight_voxel::dag::{DagRef, OwnerTable, OwnersRef};
 use voxsight_voxel::voxelize::overlap::TriangleOverlap;
 use voxsight_voxel::voxelize::{
-    Drawables, OwnerSink, Settings, SnappedMesh, VoxelizeError, Voxelized, voxelize, voxelize_into,
+    Drawables, OwnerSink, Settings, SnappedMesh, Streamed, VoxelizeError, Voxelized, voxelize, voxelize_into,
 };
 
 /// Owners of every occupied voxel, by testing each brick of the grid against each triangle.
@@ -74,6 +80,89 @@ fn every_voxel_knows_exactly_its_owners() {
     }
 }
 
+/// Adds the owners of every voxel in the triangles' boxes, by testing each.
+fn owners_near_triangles(soup: &Soup, log2: u32) -> BTreeMap<[i32; 3], Vec<u32>> {
+    let mut owners: BTreeMap<[i32; 3], Vec<u32>> = BTreeMap::new();
+    for (drawable, triangles) in soup.0.iter().enumerate() {
+        for triangle in triangles {
+            let overlap = TriangleOverlap::new(*triangle);
+            // Two voxels more on each side: nothing beyond is touched.
+            let of_box = |k: usize| {
+                let of_corners = triangle.map(|p| p[k] >> 8);
+                let (low, high) = of_corners.iter().fold((i32::MAX, 0), |(l, h), &c| (c.min(l), c.max(h)));
+                (low - 2).max(0)..=(high + 2).min((1 << log2) - 1)
+            };
+            let voxels =
+                of_box(2).flat_map(|z| of_box(1).flat_map(move |y| of_box(0).map(move |x| [x, y, z])));
+            for voxel in voxels.filter(|&voxel| overlap.touches_cell(voxel, 0)) {
+                let of_voxel = owners.entry(voxel).or_default();
+                if of_voxel.last() != Some(&(drawable as u32)) {
+                    of_voxel.push(drawable as u32);
+                }
+            }
+        }
+    }
+    owners
+}
+
+/// Owners of every occupied voxel.
+fn owners_of(voxels: &Voxelized) -> BTreeMap<[i32; 3], Vec<u32>> {
+    let dag = voxels.dag.view();
+    let index = voxels.owners.index(dag.brick_count());
+    let owners = OwnersRef::new(&voxels.owners.directory, &voxels.owners.pages, &index);
+    let mut found = BTreeMap::new();
+    dag.for_each_brick(|corner, ordinal, mask| {
+        let of_brick = owners.of_brick(ordinal, mask);
+        for bit in (0..64).filter(|bit| mask >> bit & 1 == 1) {
+            let voxel = [corner[0] + (bit & 3), corner[1] + (bit >> 2 & 3), corner[2] + (bit >> 4)];
+            found.insert(voxel, of_brick.of_voxel(bit as u32).collect());
+        }
+    });
+    found
+}
+
+#[test]
+fn corners_and_middle_of_the_largest_grids_know_exactly_their_owners() {
+    for log2 in 14..=17 {
+        let mut random = oorandom::Rand64::new(log2.into());
+        let side = 256i32 << log2;
+        let mut drawables = Vec::new();
+        for place in 0..9 {
+            // The eight corners of the grid, and its middle: triangles within 16 voxels of it, on both sides.
+            let centre = if place == 8 { [side / 2; 3] } else { [0, 1, 2].map(|k| (place >> k & 1) * side) };
+            for _ in 0..6 {
+                let reach = 1 << random.rand_range(8..13);
+                let mut corner = || {
+                    centre.map(|c| {
+                        let offset = random.rand_range(0..2 * reach + 1) as i32 - reach as i32;
+                        (c + offset).clamp(0, side)
+                    })
+                };
+                drawables.push((0..3).map(|_| [corner(), corner(), corner()]).collect());
+            }
+        }
+        let soup = Soup(drawables);
+        let expected = owners_near_triangles(&soup, log2);
+        assert!(expected.len() > 1000, "2^{log2}: only {} voxels", expected.len());
+        let middle = (1 << log2) / 2;
+        for place in 0..8 {
+            let [corner, beside] =
+                [[0, (1 << log2) - 1], [middle - 1, middle]].map(|of| [0, 1, 2].map(|k| of[place >> k & 1]));
+            let near = |at: [i32; 3]| expected.keys().any(|v| (0..3).all(|k| (v[k] - at[k]).abs() < 4));
+            assert!(near(corner) && near(beside), "2^{log2}: nothing near {corner:?} or {beside:?}");
+        }
+        for settings in
+            [Settings::default(), Settings { task_triangles: 10, block_height: 2, ..Settings::default() }]
+        {
+            let mut pages = Vec::new();
+            let streamed = voxelize_into(&unit_grid(log2), &soup, &settings, &mut pages).unwrap();
+            let Streamed { dag, owner_directory: directory, .. } = streamed;
+            let found = owners_of(&Voxelized { dag, owners: OwnerTable { directory, pages } });
+            assert!(found == expected, "seed {log2}, 2^{log2}, {settings:?}: other voxels or owners");
+        }
+    }
+}
+
 #[test]
 fn tasks_blocks_and_memory_do_not_change_a_bit() {
     // The last one is large enough for tasks of several sizes side by side.
@@ -99,7 +188,9 @@ fn tasks_blocks_and_memory_do_not_change_a_bit() {
             tasks.push(streamed.cost.tasks);
         }
         assert_eq!(tasks[0], 1, "seed {seed}");
-        assert!(tasks[1] > 7 && tasks[3] > 7 && tasks[4] > 1, "seed {seed}: the grid was not cut: {tasks:?}");
+        assert!(tasks[3] > 7 && tasks[4] > 1, "seed {seed}: the grid was not cut: {tasks:?}");
+        // For triangles, only where drawables are small.
+        assert!(tasks[1] > 7 || log2 < 13, "seed {seed}: the grid was not cut for triangles: {tasks:?}");
     }
 }
 
@@ -134,18 +225,16 @@ fn triangles_are_reported_once_and_a_stop_is_obeyed() {
         fn count(&self) -> u32 {
             self.0.count()
         }
-        fn triangle_count(&self, drawable: u32) -> u32 {
-            self.0.triangle_count(drawable)
-        }
         fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
             self.0.load(drawable, mesh);
         }
-        fn advance(&self, triangles: u64) -> bool {
-            self.1.fetch_add(triangles, Ordering::SeqCst) + triangles > self.2
+        fn advance(&self, triangles: u64) -> ControlFlow<()> {
+            let done = self.1.fetch_add(triangles, Ordering::SeqCst) + triangles;
+            if done > self.2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         }
     }
     let soup = random_soup(7, 10, 60);
-    let triangles: u64 = (0..60).map(|d| u64::from(soup.triangle_count(d))).sum();
+    let triangles: u64 = soup.0.iter().map(|d| d.len() as u64).sum();
     let settings = Settings { task_triangles: 5, ..Settings::default() };
     let counted = Counted(soup, AtomicU64::new(0), u64::MAX);
     voxelize_into(&unit_grid(10), &counted, &settings, &mut Vec::new()).unwrap();
@@ -157,17 +246,69 @@ fn triangles_are_reported_once_and_a_stop_is_obeyed() {
 
 #[test]
 fn threads_do_not_change_a_bit() {
-    for (seed, log2) in [(1, 9), (2, 10), (3, 11)] {
-        let soup = random_soup(seed, log2, 60);
+    for (seed, log2) in [(1, 10), (2, 11), (3, 12)] {
+        let soup = random_soup_within(seed, log2, 60, log2 - 1);
         let build = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| voxelize(&unit_grid(log2), &soup).unwrap())
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let settings = Settings { task_triangles: 20, task_bricks: 300, ..Settings::default() };
+            let mut pages = Vec::new();
+            let streamed =
+                pool.install(|| voxelize_into(&unit_grid(log2), &soup, &settings, &mut pages).unwrap());
+            (streamed, pages)
         };
         let one = build(1);
-        assert_eq!(one, build(2), "seed {seed}");
-        assert_eq!(one, build(7), "seed {seed}");
-        assert!(one.dag.view().brick_count() > 1000);
+        // Not `assert_eq`: nobody reads a megabyte of numbers.
+        assert!(one == build(2), "seed {seed}: two threads give something else");
+        assert!(one == build(7), "seed {seed}: seven threads give something else");
+        let (tasks, bricks) = (one.0.cost.tasks, one.0.dag.view().brick_count());
+        assert!(tasks > 50 && bricks > 1000, "seed {seed}: {tasks} tasks, {bricks} bricks");
     }
+}
+
+/// A drawable whose loading is itself parallel, with rayon.
+struct Nested(Soup);
+
+impl Drawables for Nested {
+    fn count(&self) -> u32 {
+        self.0.count()
+    }
+    fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
+        // Many small jobs that are stolen back and forth.
+        (0..32).into_par_iter().with_max_len(1).for_each(|_| std::thread::yield_now());
+        self.0.load(drawable, mesh);
+    }
+}
+
+/// Fails when work takes far longer than it can, instead of waiting for ever.
+fn within_seconds(seconds: u64, work: impl FnOnce() + Send + 'static) {
+    let (ended, end) = std::sync::mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        work();
+        ended.send(()).unwrap();
+    });
+    match end.recv_timeout(Duration::from_secs(seconds)) {
+        Err(RecvTimeoutError::Timeout) => panic!("it hangs"),
+        // Its panic is the news.
+        _ => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+    }
+}
+
+#[test]
+fn drawables_may_use_rayon_while_they_are_loaded() {
+    within_seconds(20, || {
+        let nested = Nested(random_soup_within(2, 10, 60, 6));
+        let expected = voxelize(&unit_grid(10), &nested.0).unwrap().dag;
+        let settings = Settings { task_bricks: 20, ..Settings::default() };
+        let build = || {
+            let streamed = voxelize_into(&unit_grid(10), &nested, &settings, &mut Vec::new()).unwrap();
+            assert!(streamed.cost.tasks > 20, "{} tasks", streamed.cost.tasks);
+            assert!(streamed.dag == expected, "rayon inside `load` changed the result");
+        };
+        let pool = ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+        (0..40).for_each(|_| pool.install(build));
+        // On every thread of the pool that `load` needs.
+        rayon::broadcast(|_| build());
+    });
 }
 
 #[test]

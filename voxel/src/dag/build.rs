@@ -168,11 +168,11 @@ impl DagTables {
         Ok(new_of_old[root as usize])
     }
 
-    /// Bytes in use, about.
+    /// Bytes held, used yet or not.
     pub fn bytes(&self) -> u64 {
         let nodes: usize =
-            self.heights.iter().map(|t| 4 * t.words.len() + t.offset_of_node.allocation_size()).sum();
-        (nodes + 8 * self.leaves.len() + self.leaf_of_mask.allocation_size()) as u64
+            self.heights.iter().map(|t| 4 * t.words.capacity() + t.offset_of_node.allocation_size()).sum();
+        (nodes + 8 * self.leaves.capacity() + self.leaf_of_mask.allocation_size()) as u64
     }
 
     /// Drops what only interning needs.

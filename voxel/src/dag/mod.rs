@@ -9,6 +9,7 @@ mod validate;
 pub use owners::{OwnerTable, Owners, OwnersRef};
 pub use validate::DagStatistics;
 
+use crate::bits::SetBits;
 use counts::Counts;
 use node::{HEADER_WORDS, child_word, mask_at, node_length, slot};
 
@@ -170,11 +171,8 @@ impl DagRef<'_> {
         ordinal: &mut u64,
         visit: &mut impl FnMut([i32; 3], u64, u64),
     ) {
-        let mut left = mask_at(self.words, node);
-        let mut word = node as usize + HEADER_WORDS;
-        while left != 0 {
-            let slot = left.trailing_zeros() as i32;
-            left &= left - 1;
+        let slots = SetBits(mask_at(self.words, node)).map(|slot| slot as i32);
+        for (slot, word) in slots.zip(node as usize + HEADER_WORDS..) {
             let digits = [slot & 3, slot >> 2 & 3, slot >> 4];
             let child = [0, 1, 2].map(|k| corner[k] + (digits[k] << (2 * height)));
             if height == 1 {
@@ -183,7 +181,6 @@ impl DagRef<'_> {
             } else {
                 self.walk(self.words[word], height - 1, child, ordinal, visit);
             }
-            word += 1;
         }
     }
 }

@@ -48,7 +48,7 @@ impl<'a> Joiner<'a> {
 
     /// Bytes in use, about.
     pub fn bytes(&self) -> u64 {
-        self.tables.bytes() + 16 * self.directory.len() as u64
+        self.tables.bytes() + 16 * self.directory.capacity() as u64
     }
 
     /// Words that went to the sink.

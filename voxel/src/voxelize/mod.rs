@@ -22,6 +22,7 @@ mod task;
 mod tests;
 
 use std::io;
+use std::ops::ControlFlow;
 
 use cell::Cell;
 use join::Joiner;
@@ -60,16 +61,16 @@ impl SnappedMesh {
 pub trait Drawables: Sync {
     /// How many.
     fn count(&self) -> u32;
-    /// Triangles of a drawable, about: what [`Drawables::load`] gives counts.
-    fn triangle_count(&self, drawable: u32) -> u32;
     /// Replaces `mesh` by the drawable's triangles, the same ones each time. Called from any thread, once to plan and once
     /// for each task whose cell the drawable's box touches: a few times for most, more for those that are much larger than a
     /// task's cell. It should be cheap: decode and transform, read nothing from a disk.
+    ///
+    /// Drawables are best small against the grid, or of few triangles: one of millions is never cut for their sake.
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh);
-    /// `triangles` more are done (each counted once); true when the work should stop. Called often, also with 0.
-    fn advance(&self, triangles: u64) -> bool {
+    /// `triangles` more are done (each counted once); `Break` when the work should stop. Called often, also with 0.
+    fn advance(&self, triangles: u64) -> ControlFlow<()> {
         let _ = triangles;
-        false
+        ControlFlow::Continue(())
     }
 }
 
@@ -123,7 +124,7 @@ pub enum VoxelizeError {
     /// The sink took no more owner pages.
     #[error("the owners of the voxels cannot be stored: {0}")]
     Owners(#[source] io::Error),
-    /// The result itself is larger than the memory that was allowed.
+    /// The result itself, or one task's share of it, is larger than the memory that was allowed.
     #[error(
         "the voxel DAG alone needs more than {used} bytes of the {limit} that are left for it: \
          choose a lower resolution, or allow more memory"
@@ -133,6 +134,16 @@ pub enum VoxelizeError {
         limit: u64,
         /// Bytes of the tables when they outgrew it.
         used: u64,
+    },
+    /// A cell holds more than 32-bit indices can tell apart.
+    #[error("a cell of {side} voxels a side holds more than {most} {what}: choose a higher resolution")]
+    Crowded {
+        /// Voxels a side of the cell.
+        side: u64,
+        /// As many as there may be.
+        most: u64,
+        /// Of what.
+        what: &'static str,
     },
     /// [`Drawables::advance`] said so.
     #[error("cancelled")]
@@ -175,7 +186,7 @@ pub struct Cost {
 ///
 /// # Errors
 ///
-/// The DAG outgrows 32-bit offsets, or the work was cancelled.
+/// The DAG or a cell of it outgrows 32-bit offsets, or the work was cancelled.
 pub fn voxelize(grid: &Grid, drawables: &dyn Drawables) -> Result<Voxelized, VoxelizeError> {
     let mut pages = Vec::new();
     let Streamed { dag, owner_directory, .. } =
@@ -188,7 +199,13 @@ pub fn voxelize(grid: &Grid, drawables: &dyn Drawables) -> Result<Voxelized, Vox
 ///
 /// # Errors
 ///
-/// As [`voxelize`]; also when the sink fails, or when the DAG itself outgrows [`Settings::memory`].
+/// As [`voxelize`]; also when the sink fails, or when the DAG itself, or a task, outgrows [`Settings::memory`].
+///
+/// # Threads
+///
+/// Works on as many threads as the current rayon pool has. They are new ones, beside the pool: a caller on a thread of a pool
+/// of N waits, doing what else the pool has to do, while N more threads work; and when [`Drawables::load`] or the sink uses
+/// rayon, that runs in the global pool.
 pub fn voxelize_into(
     grid: &Grid,
     drawables: &dyn Drawables,
@@ -208,12 +225,13 @@ fn voxelize_cutting(
 ) -> Result<Streamed, VoxelizeError> {
     let height = root_height(grid.log2);
     let root = Cell { corner: [0; 3], height };
-    let tasks = Tasks::plan(drawables, settings, dense_triangles, root).ok_or(VoxelizeError::Cancelled)?;
+    let tasks = Tasks::plan(drawables, settings, dense_triangles, root)?;
     let build = Build {
         drawables,
         block_height: settings.block_height.clamp(1, height.min(block::MAX_BLOCK_HEIGHT)),
         height,
         side: grid.side() as i32,
+        memory: settings.memory,
     };
     let join = Join {
         joiner: Joiner::new(height, sink),
@@ -241,19 +259,28 @@ fn for_each_cell(first: [i32; 3], last: [i32; 3], mut visit: impl FnMut([i32; 3]
     }
 }
 
+/// Tells the caller that `triangles` more are done, and asks whether to stop.
+fn go_on(drawables: &dyn Drawables, triangles: u64) -> Result<(), VoxelizeError> {
+    match drawables.advance(triangles) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(VoxelizeError::Cancelled),
+    }
+}
+
 /// Builds tasks.
 struct Build<'a> {
     drawables: &'a dyn Drawables,
     block_height: u32,
     height: u32,
     side: i32,
+    memory: Option<u64>,
 }
 
 impl<'a> Work<Task, SubDag, VoxelizeError> for Build<'a> {
     type Scratch = TaskBuilder<'a>;
 
     fn scratch(&self) -> TaskBuilder<'a> {
-        TaskBuilder::new(self.drawables, self.block_height, self.height, self.side)
+        TaskBuilder::new(self.drawables, self.block_height, self.height, self.side, self.memory)
     }
 
     fn run(&self, task: Task, scratch: &mut TaskBuilder<'a>) -> Result<SubDag, VoxelizeError> {
@@ -284,7 +311,7 @@ impl Take<SubDag, VoxelizeError> for Join<'_> {
                 return Err(VoxelizeError::Memory { limit, used });
             }
         }
-        if self.drawables.advance(part.new_triangles) { Err(VoxelizeError::Cancelled) } else { Ok(()) }
+        go_on(self.drawables, part.new_triangles)
     }
 
     fn allowance(&self) -> u64 {

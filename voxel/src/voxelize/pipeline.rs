@@ -1,7 +1,13 @@
 //! Work in parallel, results taken in order, few waiting.
+//!
+//! Threads of its own, not a pool's: they wait for each other, and a pool's thread that waits inside its own work for
+//! some other (`Drawables::load` may use rayon) may begin anything meanwhile, such as a wait for the very piece that
+//! lies suspended beneath it.
 
 use std::collections::BTreeMap;
+use std::panic::resume_unwind;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// How a pipeline's work is done. `Scratch` is what a thread keeps between two pieces.
 pub(super) trait Work<T, R, E>: Sync {
@@ -46,7 +52,8 @@ impl<I, R, E> State<I, R, E> {
     }
 }
 
-/// Runs `work` on all pieces and hands the results to `take` in order. At most `window` pieces are begun and not taken,
+/// Runs `work` on all pieces and hands the results to `take` in order, on as many threads as the current rayon pool has.
+/// These are new ones, in no pool: rayon's calls inside `work` go to the global pool. At most `window` pieces are begun and not taken,
 /// fewer when their results would hold more bytes than allowed. The error is that of the first piece in order that fails.
 pub(super) fn run_in_order<T, R, E, W, I, K>(
     pieces: I,
@@ -76,9 +83,14 @@ where
         error: None,
     });
     let (take, changed) = (Mutex::new(take), Condvar::new());
-    rayon::scope(|scope| {
-        for _ in 0..rayon::current_num_threads() {
-            scope.spawn(|_| run_thread(&state, &take, &changed, work, window));
+    std::thread::scope(|scope| {
+        let spawn = |_| scope.spawn(|| run_thread(&state, &take, &changed, work, window));
+        let threads: Vec<_> = (0..rayon::current_num_threads()).map(spawn).collect();
+        lend_this_thread(|| threads.iter().all(|thread| thread.is_finished()));
+        let panics = threads.into_iter().filter_map(|thread| thread.join().err());
+        // All have ended before one panic is passed on.
+        if let Some(panic) = panics.reduce(|first, _| first) {
+            resume_unwind(panic);
         }
     });
     let state = state.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -86,8 +98,23 @@ where
     (state.pieces, take, state.error.map_or(Ok(()), Err))
 }
 
+/// Inside a rayon pool: does the pool's work on this thread until `is_done`. Work that runs elsewhere may need the pool, and
+/// this may be its only thread. Outside of pools it returns at once.
+fn lend_this_thread(is_done: impl Fn() -> bool) {
+    /// Short against a task, long against a look at the queues.
+    const PAUSE: Duration = Duration::from_micros(500);
+    while !is_done() {
+        match rayon::yield_now() {
+            None => return,
+            Some(rayon::Yield::Executed) => {}
+            Some(rayon::Yield::Idle) => std::thread::sleep(PAUSE),
+        }
+    }
+}
+
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A poisoned lock means that a thread panicked: `StopOnPanic` has stopped the others, and rayon passes it on.
+    // A poisoned lock means that a thread panicked: `StopOnPanic` has stopped the others, and the scope
+    // passes it on.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -152,6 +179,10 @@ fn run_thread<T, R, E, W, I, K>(
                     now.begun += 1;
                     drop(now);
                     let result = work.run(piece, scratch.get_or_insert_with(|| work.scratch()));
+                    if result.is_err() {
+                        // It may be left in the middle of something.
+                        scratch = None;
+                    }
                     let bytes = result.as_ref().map_or(0, |result| work.bytes(result));
                     now = lock(state);
                     now.largest = now.largest.max(bytes);
@@ -184,7 +215,7 @@ mod tests {
         fn scratch(&self) {}
         fn run(&self, piece: u64, (): &mut ()) -> Result<u64, u64> {
             let mut random = oorandom::Rand64::new(piece.into());
-            std::thread::sleep(std::time::Duration::from_micros(random.rand_range(0..300)));
+            std::thread::sleep(Duration::from_micros(random.rand_range(0..300)));
             assert!(self.panics_at != Some(piece), "as asked");
             let held = self.held.fetch_add(1, Ordering::SeqCst) + 1;
             self.most_held.fetch_max(held, Ordering::SeqCst);

@@ -3,11 +3,12 @@
 //! The triangles that touch the cell are loaded once and narrowed down, child by child, to blocks. A task that is a
 //! single block holds no triangles at all: they go from the drawable to the bricks.
 
-use super::block::BlockBuilder;
+use super::block::{BlockBuilder, MOST_PARTS};
 use super::cell::{Cell, SnappedBox};
 use super::overlap::TriangleOverlap;
 use super::plan::{PAGE_HEIGHT, Task};
-use super::{Drawables, SnappedMesh, SnappedTriangle, VoxelizeError};
+use super::{Drawables, SnappedMesh, SnappedTriangle, VoxelizeError, go_on};
+use crate::bits::SetBits;
 use crate::dag::build::{DagTables, NodeDraft};
 use crate::dag::owners::OwnerBuilder;
 
@@ -27,7 +28,7 @@ pub(super) struct SubDag {
 impl SubDag {
     /// Bytes in use, about.
     pub fn bytes(&self) -> u64 {
-        self.tables.bytes() + (8 * self.owners.pages.len() + 16 * self.owners.directory.len()) as u64
+        self.tables.bytes() + self.owners.bytes()
     }
 }
 
@@ -38,7 +39,7 @@ struct Narrowed {
     pairs: Vec<(u8, u32)>,
     /// The indices, slot by slot.
     indices: Vec<u32>,
-    ends: Vec<u32>,
+    ends: Vec<usize>,
 }
 
 /// Working memory of a thread.
@@ -54,11 +55,18 @@ pub(super) struct TaskBuilder<'a> {
 }
 
 impl<'a> TaskBuilder<'a> {
-    /// For blocks of up to `block_height` in a grid of `side` voxels whose root has height `height`.
-    pub fn new(drawables: &'a dyn Drawables, block_height: u32, height: u32, side: i32) -> Self {
+    /// For blocks of up to `block_height` in a grid of `side` voxels whose root has height `height`. What a task gives may
+    /// hold `memory` bytes.
+    pub fn new(
+        drawables: &'a dyn Drawables,
+        block_height: u32,
+        height: u32,
+        side: i32,
+        memory: Option<u64>,
+    ) -> Self {
         TaskBuilder {
             drawables,
-            block: BlockBuilder::new(block_height, side),
+            block: BlockBuilder::new(block_height, side, memory, MOST_PARTS),
             block_height,
             mesh: SnappedMesh::default(),
             triangles: Vec::new(),
@@ -78,19 +86,24 @@ impl<'a> TaskBuilder<'a> {
             loaded_triangles: 0,
         };
         if cell.height <= self.block_height {
-            self.block.begin(cell);
+            self.block.begin(cell, out.bytes())?;
             let mut mesh = std::mem::take(&mut self.mesh);
             for &drawable in &task.drawables {
                 self.load(drawable, &mut mesh, &mut out)?;
                 mesh.iter()
                     .filter(|t| cell.meets(&SnappedBox::of(t)))
-                    .for_each(|t| self.block.add(drawable, &t));
+                    .try_for_each(|t| self.block.add(drawable, &t))?;
             }
             self.mesh = mesh;
             out.root = self.block.finish(&mut out)?;
         } else {
             self.load_all(task, &mut out)?;
-            let all: Vec<u32> = (0..self.triangles.len() as u32).collect();
+            let crowded = |_| VoxelizeError::Crowded {
+                side: 1 << cell.shift(),
+                most: u32::MAX.into(),
+                what: "triangles",
+            };
+            let all: Vec<u32> = (0..u32::try_from(self.triangles.len()).map_err(crowded)?).collect();
             out.root = self.cell(cell, &all, &mut out)?;
         }
         out.owners.end_page();
@@ -98,9 +111,7 @@ impl<'a> TaskBuilder<'a> {
     }
 
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh, out: &mut SubDag) -> Result<(), VoxelizeError> {
-        if self.drawables.advance(0) {
-            return Err(VoxelizeError::Cancelled);
-        }
+        go_on(self.drawables, 0)?;
         self.drawables.load(drawable, mesh);
         out.loaded_triangles += mesh.triangles.len() as u64;
         Ok(())
@@ -128,12 +139,10 @@ impl<'a> TaskBuilder<'a> {
             return Ok(None);
         }
         let root = if cell.height <= self.block_height {
-            if self.drawables.advance(0) {
-                return Err(VoxelizeError::Cancelled);
-            }
-            self.block.begin(cell);
+            go_on(self.drawables, 0)?;
+            self.block.begin(cell, out.bytes())?;
             for &index in indices {
-                self.block.add(self.drawable_of[index as usize], &self.triangles[index as usize]);
+                self.block.add(self.drawable_of[index as usize], &self.triangles[index as usize])?;
             }
             self.block.finish(out)?
         } else {
@@ -142,8 +151,8 @@ impl<'a> TaskBuilder<'a> {
             let mut draft = NodeDraft::default();
             let mut start = 0;
             for (slot, &end) in narrowed.ends.iter().enumerate() {
-                let of_child = &narrowed.indices[start..end as usize];
-                start = end as usize;
+                let of_child = &narrowed.indices[start..end];
+                start = end;
                 if let Some(node) = self.cell(cell.child(slot as u32), of_child, out)? {
                     draft.add(slot as u32, node);
                 }
@@ -167,7 +176,7 @@ impl Narrowed {
     /// Sorts triangles to the children of a cell that they touch.
     fn fill(&mut self, cell: Cell, indices: &[u32], triangles: &[SnappedTriangle]) {
         self.pairs.clear();
-        let mut counts = [0u32; 64];
+        let mut counts = [0; 64];
         for &index in indices {
             let triangle = &triangles[index as usize];
             let bounds = SnappedBox::of(triangle);
@@ -176,18 +185,13 @@ impl Narrowed {
             // Few have more than one child to go to; only those are worth the exact test.
             if slots & (slots.wrapping_sub(1)) != 0 {
                 let overlap = TriangleOverlap::new(*triangle);
-                let mut left = slots;
-                while left != 0 {
-                    let slot = left.trailing_zeros();
-                    left &= left - 1;
+                for slot in SetBits(slots) {
                     if !overlap.touches_cell(cell.child(slot).corner, 2 * cell.height) {
                         slots &= !(1 << slot);
                     }
                 }
             }
-            while slots != 0 {
-                let slot = slots.trailing_zeros();
-                slots &= slots - 1;
+            for slot in SetBits(slots) {
                 counts[slot as usize] += 1;
                 self.pairs.push((slot as u8, index));
             }
@@ -201,7 +205,7 @@ impl Narrowed {
         self.indices.resize(self.pairs.len(), 0);
         for &(slot, index) in &self.pairs {
             let at = &mut next[slot as usize];
-            self.indices[*at as usize] = index;
+            self.indices[*at] = index;
             *at += 1;
         }
         self.ends.clear();

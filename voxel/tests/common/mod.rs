@@ -13,9 +13,6 @@ impl Drawables for Soup {
     fn count(&self) -> u32 {
         self.0.len() as u32
     }
-    fn triangle_count(&self, drawable: u32) -> u32 {
-        self.0[drawable as usize].len() as u32
-    }
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {
         let triangles = &self.0[drawable as usize];
         mesh.vertices = triangles.iter().flatten().copied().collect();

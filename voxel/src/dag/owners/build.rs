@@ -63,6 +63,11 @@ impl OpenPage {
 }
 
 impl OwnerBuilder {
+    /// Bytes that finished pages hold.
+    pub fn bytes(&self) -> u64 {
+        (8 * self.pages.capacity() + 16 * self.directory.capacity()) as u64
+    }
+
     /// The next brick, all of whose voxels one drawable owns alone.
     #[inline]
     pub fn push_one(&mut self, drawable: u32) {

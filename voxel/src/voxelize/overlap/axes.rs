@@ -2,9 +2,9 @@
 
 use fearless_simd::{Simd, SimdBase, i32x4};
 
-use super::bits::{spread_xy, spread_xz, spread_yz};
 use super::plane::{Plane, PlaneBounds};
 use super::projection::{EdgeBounds, KEPT_AXES, Projection};
+use crate::bits::{spread_xy, spread_xz, spread_yz};
 
 /// Tests of 4x4x4 cells at a time. *Values* are those of the first of 64 cells on each axis, at a level of the descent:
 /// 0 at the window's low corner.
@@ -152,7 +152,7 @@ impl<S: Simd> Planar<S> {
     }
 
     #[inline(always)]
-    fn spread(&self, columns: u64) -> u64 {
+    fn spread(&self, columns: u16) -> u64 {
         match self.axis {
             0 => spread_yz(columns),
             1 => spread_xz(columns),

@@ -1,54 +1,9 @@
-//! 64-bit masks of 4x4x4 cells, bit x + 4 y + 16 z: columns to cells, boxes, and cutting a mask at brick borders.
+//! 64-bit masks of 4x4x4 cells, bit x + 4 y + 16 z: boxes, and cutting a mask at brick borders.
 
 /// `f(0)`, `f(1)`, `f(2)`: one for each axis. `array::map` is not always inlined where the caller has a SIMD level.
 #[inline(always)]
 pub(super) fn per_axis<T>(f: impl Fn(usize) -> T) -> [T; 3] {
     [f(0), f(1), f(2)]
-}
-
-/// Eight columns along x to their cells: bit i to the nibble i.
-const NIBBLES: [u32; 256] = spread_table(1, 0xf);
-/// Two rows of columns along y to their cells: the nibble i to the four nibbles from 4 i on.
-const ROWS: [u32; 256] = spread_table(4, 0x1111);
-
-/// For each byte: its groups of `size` bits, each times `copies` and moved to four times its place.
-const fn spread_table(size: u32, copies: u32) -> [u32; 256] {
-    let mut table = [0; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut from = 0;
-        while from < 8 {
-            let group = (byte as u32 >> from) & ((1 << size) - 1);
-            table[byte] |= (group * copies) << (4 * from);
-            from += size;
-        }
-        byte += 1;
-    }
-    table
-}
-
-#[inline(always)]
-fn spread(table: &[u32; 256], columns: u64) -> u64 {
-    let [low, high, ..] = columns.to_le_bytes();
-    u64::from(table[low as usize]) | u64::from(table[high as usize]) << 32
-}
-
-/// Columns along x (bit y + 4 z) to cells.
-#[inline(always)]
-pub(super) fn spread_yz(columns: u64) -> u64 {
-    spread(&NIBBLES, columns)
-}
-
-/// Columns along y (bit x + 4 z) to cells.
-#[inline(always)]
-pub(super) fn spread_xz(columns: u64) -> u64 {
-    spread(&ROWS, columns)
-}
-
-/// Columns along z (bit x + 4 y) to cells.
-#[inline(always)]
-pub(super) fn spread_xy(columns: u64) -> u64 {
-    columns * 0x0001_0001_0001_0001
 }
 
 /// Bits `first` to `last`, both included, of those from 0 to `count - 1`; `count` is at most 16.
@@ -126,24 +81,6 @@ mod tests {
 
     fn mask_of(inside: impl Fn(i32, i32, i32) -> bool) -> u64 {
         (0..64).filter(|b| inside(b & 3, b >> 2 & 3, b >> 4)).fold(0, |mask, b| mask | 1 << b)
-    }
-
-    #[test]
-    fn every_column_goes_to_its_four_cells() {
-        for bit in 0..16 {
-            let (a, b) = (bit & 3, bit >> 2);
-            assert_eq!(spread_xy(1 << bit), mask_of(|x, y, _| (x, y) == (a, b)));
-            assert_eq!(spread_xz(1 << bit), mask_of(|x, _, z| (x, z) == (a, b)));
-            assert_eq!(spread_yz(1 << bit), mask_of(|_, y, z| (y, z) == (a, b)));
-        }
-        let mut random = oorandom::Rand64::new(5);
-        for round in 0..1000 {
-            let columns = random.rand_range(0..1 << 16);
-            let has = |a: i32, b: i32| columns >> (a + 4 * b) & 1 == 1;
-            assert_eq!(spread_xy(columns), mask_of(|x, y, _| has(x, y)), "seed 5, round {round}");
-            assert_eq!(spread_xz(columns), mask_of(|x, _, z| has(x, z)), "seed 5, round {round}");
-            assert_eq!(spread_yz(columns), mask_of(|_, y, z| has(y, z)), "seed 5, round {round}");
-        }
     }
 
     #[test]

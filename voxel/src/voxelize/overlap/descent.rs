@@ -7,8 +7,9 @@ use super::TriangleOverlap;
 use super::axes::{Axes, Planar, Solid};
 use super::bits::{box_mask, per_axis, range_bits, split_window};
 use super::projection::{SMALL, fits_32_bits};
+use crate::bits::SetBits;
 use crate::grid::SUBVOXELS;
-use crate::voxelize::{SnappedTriangle, for_each_cell};
+use crate::voxelize::for_each_cell;
 
 /// Up to this many bricks in a triangle's box, each is tested without looking for touched ones first.
 const FEW_BRICKS: i32 = 4;
@@ -47,19 +48,6 @@ impl Region {
     }
 }
 
-/// [`for_each_brick`] for many triangles.
-#[inline(always)]
-pub(super) fn for_each_brick_of<S: Simd>(
-    simd: S,
-    triangles: impl IntoIterator<Item = SnappedTriangle>,
-    clip: Region,
-    visit: &mut impl FnMut([i32; 3], u64),
-) {
-    for triangle in triangles {
-        for_each_brick(simd, &TriangleOverlap::new(triangle), clip, visit);
-    }
-}
-
 /// Visits the bricks that the triangle touches within `clip`, whose borders are borders of bricks.
 #[inline(always)]
 pub(super) fn for_each_brick<S: Simd>(
@@ -74,6 +62,7 @@ pub(super) fn for_each_brick<S: Simd>(
     let level = region.level();
     let corner = per_axis(|k| region.first[k] >> level << level);
     let window = Window { corner, level, region };
+    // Up to level 2 it always does: windows of 16 voxels at most.
     if level > 2 && !fits_32_bits(triangle.extent(), 4 << level) {
         return wide(triangle, &window, visit);
     }
@@ -232,8 +221,7 @@ impl Window {
                 let touching = axes.touching(simd, level - 2);
                 let covering = axes.covering(simd, level - 2);
                 let within = A::within(node.values);
-                let mut left = node.left;
-                while let Some(at) = next_cell(&mut left) {
+                for at in cells(node.left) {
                     let first = per_axis(|k| (node.first[k] + at[k]) << 2);
                     let values = axes.step(within, at);
                     let child = if node.covered >> (at[0] + 4 * at[1] + 16 * at[2]) & 1 == 1 {
@@ -263,16 +251,14 @@ impl Window {
     ) {
         let within = A::offset(A::within(node.values), voxels);
         let corner = per_axis(|k| self.corner[k] + (node.first[k] << 2));
-        let mut left = node.left & node.covered;
-        while let Some(at) = next_cell(&mut left) {
+        for at in cells(node.left & node.covered) {
             let mask = axes.on_plane(axes.step_on_plane(within, at), voxels);
             visit(per_axis(|k| corner[k] + (at[k] << 2)), mask);
         }
         // Voxels inside the triangle's box, of the 16 an axis.
         let inside =
             per_axis(|k| range_bits(self.region.first[k] - corner[k], self.region.last[k] - corner[k], 16));
-        let mut left = node.left & !node.covered;
-        while let Some(at) = next_cell(&mut left) {
+        for at in cells(node.left & !node.covered) {
             let mask = box_mask(per_axis(|k| inside[k] >> (at[k] << 2)))
                 & axes.touched(axes.step(within, at), voxels);
             // Only where bricks were not tested before.
@@ -283,13 +269,11 @@ impl Window {
     }
 }
 
-/// Takes the next cell from a mask, 0 to 3 an axis.
+/// The cells of a mask, 0 to 3 an axis.
 #[inline(always)]
-fn next_cell(mask: &mut u64) -> Option<[i32; 3]> {
-    if *mask == 0 {
-        return None;
-    }
-    let bit = mask.trailing_zeros() as i32;
-    *mask &= *mask - 1;
-    Some([bit & 3, bit >> 2 & 3, bit >> 4])
+fn cells(mask: u64) -> impl Iterator<Item = [i32; 3]> {
+    SetBits(mask).map(
+        #[inline(always)]
+        |bit| [bit & 3, bit >> 2 & 3, bit >> 4].map(|c| c as i32),
+    )
 }

@@ -26,11 +26,11 @@
 //!
 //! With coordinates in `0 ..= 2^25` (the largest grid: 2^17 voxels), relative to a window's corner, in steps:
 //!
-//! - an edge axis has components up to 2^25 and d <= 2^26; its products with positions stay below 2^51 and `l`, `h`, d
+//! - an edge axis has two components, each up to 2^25, so that d <= 2^26; its products with positions stay below 2^51 and `l`, `h`, d
 //!   and their sums below 2^53: i64, or i32 where all positions are below 2^14. In a window of w voxels a side `n . I` lies
 //!   in `[N w, P w]`; bounds are clamped to one past that, which no test can tell, and then all is i32 while
-//!   `d (1.25 w + 2) + 4 < 2^31` (`fits_32_bits`): for windows of 16 voxels always, of 256 voxels for triangles whose
-//!   extents sum to 26,000 voxels. Where it does not hold, cells are tested one by one in 64 bits until it does;
+//!   `d (1.25 w + 2) + 4 < 2^31` (`fits_32_bits`): for windows of 16 voxels always (2^26 * 22 + 4 < 2^31), of 256 voxels
+//!   for triangles whose two largest extents sum to 26,000 voxels. Where it does not hold, cells are tested one by one in 64 bits until it does;
 //! - the triangle's normal has components up to 2^50, twice the area of a projection into a square of side 2^25. Its
 //!   product with a position and the interval are i128, formed once per triangle; divided by 256 and clamped to the window
 //!   they are below 2^58 (3 2^50 * 16 voxels, or the above times the extent): i64. Inside 64 cells they are i32 where
@@ -43,9 +43,14 @@
 //! Snapping moves a vertex by at most half a step per axis (and the f64 placement before it by far less:
 //! [`crate::grid::GridError::TooFine`]). A point of the real triangle is a convex combination of its vertices; the same
 //! combination of the snapped ones lies within half a step of it on each axis, and so inside the box widened by a whole
-//! step if the point lies in the voxel: **no voxel touched by the real triangle is missed**. A false positive is no
-//! farther from the real triangle than 1.5 steps on any axis: half a step more than snapping alone would give, so that a
-//! ray walk that is off by 2^-10 voxel still enters a voxel that knows the triangle.
+//! step if the point lies in the voxel: **no voxel touched by the real triangle is missed**.
+//!
+//! # What is too much
+//!
+//! A voxel that is found and not touched lies within 1.5 steps (6/1000 voxel) of the real triangle on each axis: half a
+//! step that snapping moved a vertex, and one that the box was widened by. That is a step more than the half step that
+//! snapping costs. Hardly more than half a step of widening would do for the promise above; the other half is what lets a ray walk
+//! that is off by 2^-10 voxel enter a voxel that knows the triangle all the same.
 
 mod axes;
 mod bits;
@@ -60,6 +65,7 @@ use self::descent::Region;
 use self::projection::KEPT_AXES;
 use super::SnappedTriangle;
 use crate::grid::SUBVOXELS;
+use crate::raycast::Instructions;
 
 /// Widening of each box, in snapping steps.
 const WIDEN: i32 = 1;
@@ -149,21 +155,41 @@ impl TriangleOverlap {
         self.for_each_brick_in(Region::cell(cell, shift, side), visit);
     }
 
+    /// [`Self::for_each_brick`] with these instructions, or with lesser ones where the processor lacks them, instead of the
+    /// best: the same bits come out of all. For tests and measurements.
+    pub fn for_each_brick_with(
+        &self,
+        instructions: Instructions,
+        cell: [i32; 3],
+        shift: u32,
+        side: i32,
+        visit: &mut impl FnMut([i32; 3], u64),
+    ) {
+        let clip = Region::cell(cell, shift, side);
+        dispatch!(level_of(instructions), simd => descent::for_each_brick(simd, self, clip, visit));
+    }
+
     fn for_each_brick_in(&self, clip: Region, visit: &mut impl FnMut([i32; 3], u64)) {
         dispatch!(Level::new(), simd => descent::for_each_brick(simd, self, clip, visit));
     }
 }
 
-/// [`TriangleOverlap::for_each_brick`] for many triangles and one cell, one triangle after the other, with the processor's
-/// SIMD level ([`Level::new`]) chosen once: the entry for pipelines. The same bits come out on every level.
-pub fn for_each_brick_of(
-    level: Level,
-    triangles: impl IntoIterator<Item = SnappedTriangle>,
-    cell: [i32; 3],
-    shift: u32,
-    side: i32,
-    visit: &mut impl FnMut([i32; 3], u64),
-) {
-    let clip = Region::cell(cell, shift, side);
-    dispatch!(level, simd => descent::for_each_brick_of(simd, triangles, clip, visit));
+/// The SIMD level of these instructions, or the next lower one that the processor has.
+fn level_of(instructions: Instructions) -> Level {
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    {
+        let best = Level::new();
+        let (avx512, avx2) = (best.as_avx512().map(Level::Avx512), best.as_avx2().map(Level::Avx2));
+        let chosen = match instructions {
+            Instructions::Avx512 => avx512.or(avx2),
+            Instructions::Avx2 => avx2,
+            Instructions::Portable => None,
+        };
+        chosen.unwrap_or(Level::baseline())
+    }
+    #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+    {
+        let (Instructions::Portable | Instructions::Avx2 | Instructions::Avx512) = instructions;
+        Level::baseline()
+    }
 }

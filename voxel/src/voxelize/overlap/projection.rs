@@ -50,11 +50,14 @@ impl<S: Simd> EdgeBounds<S> {
 /// Does all arithmetic on edge values fit in 32 bits for a triangle of this extent (steps, per axis) in a window of
 /// `width` voxels a side?
 ///
-/// With d = |a| + |b| <= the sum of the extents for an edge's normal (a, b): values are within d width, bounds are
-/// clamped to one past that, and the bounds for whole cells (at most a quarter of the window) add d width / 4.
+/// An edge's normal (a, b) has two components: the edge's extents along the two axes that are kept, exchanged. So
+/// d = |a| + |b| is at most the sum of the two largest extents. Values are within d width, bounds are clamped to one past
+/// that, and the bounds for whole cells (at most a quarter of the window) add d width / 4; the cells' own steps and both
+/// roundings are the rest. In a window of 16 voxels it is always so: d <= 2^26.
 #[inline(always)]
 pub(super) fn fits_32_bits(extent: [i32; 3], width: i32) -> bool {
-    let d: i64 = extent.iter().map(|&e| i64::from(e)).sum();
+    let [x, y, z] = extent.map(i64::from);
+    let d = x + y + z - x.min(y).min(z);
     let width = i64::from(width);
     d * (width + width / 4 + 2) + 4 < 1 << 31
 }
@@ -125,13 +128,13 @@ impl<S: Simd> Projection<S> {
     /// Columns of the 4x4 that lie within the bounds on all three axes: bit a + 4 b. `offset_value` is the first one's
     /// value plus the bounds' offset.
     #[inline(always)]
-    pub fn columns(&self, offset_value: i32x4<S>, bounds: &EdgeBounds<S>) -> u64 {
+    pub fn columns(&self, offset_value: i32x4<S>, bounds: &EdgeBounds<S>) -> u16 {
         let first = offset_value.to_array();
         let limit = bounds.limit.to_array();
         let within_0 = (self.steps[0] + first[0]).simd_lt(limit[0]);
         let within_1 = (self.steps[1] + first[1]).simd_lt(limit[1]);
         let within_2 = (self.steps[2] + first[2]).simd_lt(limit[2]);
-        (within_0 & within_1 & within_2).to_bitmask()
+        (within_0 & within_1 & within_2).to_bitmask() as u16
     }
 }
 
@@ -180,4 +183,17 @@ fn wide_interval(v: &[[i32; 3]; 3], (a, b): (usize, usize), width: i32) -> [[i32
         interval[1][e] = clamp(high);
     }
     interval
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_triangle_fits_32_bits_in_a_window_of_16_voxels_and_not_in_much_larger_ones() {
+        let largest = [1 << 25; 3];
+        assert!(fits_32_bits(largest, 16));
+        assert!(!fits_32_bits(largest, 64));
+        assert!(fits_32_bits([3_300_000; 3], 256) && !fits_32_bits([3_400_000; 3], 256));
+    }
 }
