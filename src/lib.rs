@@ -10,6 +10,7 @@
 //!   in hierarchies ([`exact`]) beside its voxels.
 //! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
 //!   picture of it.
+//! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
 //!   files appear whole or not at all.
 //!
@@ -31,6 +32,7 @@ pub mod geometry;
 pub mod import;
 pub mod loaded;
 pub mod model;
+pub mod occlusion;
 pub mod prepare;
 pub mod progress;
 pub mod ray;

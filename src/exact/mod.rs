@@ -181,6 +181,21 @@ impl ExactScene {
         self.chunks[self.instances[drawable as usize].chunk as usize].triangle_count()
     }
 
+    /// The chunks: decoded level-0 triangles, part space.
+    pub fn chunks(&self) -> &[ChunkBvh] {
+        &self.chunks
+    }
+
+    /// Which of [`ExactScene::chunks`] a drawable places.
+    pub fn chunk_of(&self, drawable: u32) -> u32 {
+        self.instances[drawable as usize].chunk
+    }
+
+    /// Where a drawable places its chunk: the placement that it was made with, to a few units in the last place.
+    pub fn world_from_part(&self, drawable: u32) -> DAffine3 {
+        self.instances[drawable as usize].part_from_world.inverse()
+    }
+
     /// World-space normal of a hit's triangle on the side of its winding, length 1; zero for a degenerate triangle.
     pub fn normal(&self, hit: &TriangleHit) -> DVec3 {
         let placed = &self.instances[hit.drawable as usize];
