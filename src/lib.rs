@@ -10,6 +10,7 @@
 //!   in hierarchies ([`exact`]) beside its voxels.
 //! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
 //!   picture of it.
+//! - `lab` (feature `cli`) runs methods of culling over many views and reports run time against error.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
 //!   files appear whole or not at all.
 //!
@@ -29,6 +30,8 @@ pub mod export;
 pub mod filter;
 pub mod geometry;
 pub mod import;
+#[cfg(feature = "cli")]
+pub mod lab;
 pub mod loaded;
 pub mod model;
 pub mod prepare;
