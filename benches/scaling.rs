@@ -16,8 +16,9 @@ mod chart;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use chart::{Chart, Curve};
+use chart::{AT_THE_END, PowerLaw};
 use serde_json::Value;
+use voxsight::lab::chart::{Axis, Chart, charts_svg};
 
 /// Triangles of the plant that is built at several resolutions.
 const TRIANGLES: u64 = 12_000_000;
@@ -144,22 +145,43 @@ fn build(folder: &Path, triangles: u64, log2: u32, memory: &str) -> Point {
     point
 }
 
-fn curve(name: &str, points: &[Point], x: fn(&Point) -> f64, y: fn(&Point) -> f64) -> Curve {
-    Curve { name: name.into(), points: points.iter().map(|p| (x(p), y(p))).collect() }
+fn law(name: &str, points: &[Point], x: fn(&Point) -> f64, y: fn(&Point) -> f64) -> PowerLaw {
+    PowerLaw { name: name.into(), points: points.iter().map(|p| (x(p), y(p))).collect() }
 }
 
-fn charts(points: &[Point], x: fn(&Point) -> f64, chart: impl Fn(&str, &'static str) -> Chart) -> [Chart; 2] {
-    let time =
-        vec![curve("whole build", points, x, |p| p.seconds), curve("voxels", points, x, |p| p.voxel_seconds)];
-    let memory = vec![
-        curve("peak memory", points, x, |p| p.peak_bytes / 1e6),
-        curve("file", points, x, |p| p.file_bytes / 1e6),
-        curve("DAG alone", points, x, |p| p.dag_bytes / 1e6),
+/// What the points are drawn against.
+struct Against {
+    title: &'static str,
+    label: &'static str,
+    name: fn(f64) -> String,
+    x: fn(&Point) -> f64,
+}
+
+/// Time and memory; prints their slopes.
+fn charts(points: &[Point], against: &Against) -> [Chart; 2] {
+    let x = against.x;
+    let time = [law("whole build", points, x, |p| p.seconds), law("voxels", points, x, |p| p.voxel_seconds)];
+    let memory = [
+        law("peak memory", points, x, |p| p.peak_bytes / 1e6),
+        law("file", points, x, |p| p.file_bytes / 1e6),
+        law("DAG alone", points, x, |p| p.dag_bytes / 1e6),
     ];
-    [
-        Chart { curves: time, ..chart("build time", "seconds") },
-        Chart { curves: memory, ..chart("memory", "MB") },
-    ]
+    [chart(against, "build time", "seconds", &time), chart(against, "memory", "MB", &memory)]
+}
+
+fn chart(against: &Against, what: &str, y_label: &str, laws: &[PowerLaw]) -> Chart {
+    let title = format!("{}: {what}", against.title);
+    for law in laws {
+        let (whole, end) = (law.slope(law.points.len()), law.slope(AT_THE_END));
+        println!("{title}, {} against {}: slope {whole:.2}, at the end {end:.2}", law.name, against.label);
+    }
+    let y_name: fn(f64) -> String = |y| if y < 1.0 { format!("{y}") } else { format!("{y:.0}") };
+    Chart {
+        title,
+        x: Axis { label: against.label.into(), name: against.name, marks_at_points: true },
+        y: Axis { label: y_label.into(), name: y_name, marks_at_points: false },
+        curves: laws.iter().enumerate().map(|(colour, law)| law.curve(colour)).collect(),
+    }
 }
 
 fn main() {
@@ -175,38 +197,23 @@ fn main() {
     let by_triangles: Vec<Point> =
         options.triangles.iter().map(|&count| build(folder.path(), count, LOG2, &options.memory)).collect();
 
-    let against_resolution = charts(&by_resolution, Point::resolution, |what, y_label| Chart {
-        title: format!("Sample plant, 12 M triangles: {what}"),
-        x_label: "voxels a side",
-        y_label,
-        x_name: |x| format!("{:.0}K", x / 1024.0),
-        curves: Vec::new(),
-    });
-    let against_triangles = charts(
-        &by_triangles,
-        |p| p.triangles,
-        |what, y_label| Chart {
-            title: format!("Sample plants at 8192^3: {what}"),
-            x_label: "triangles",
-            y_label,
-            x_name: |x| format!("{:.1} M", x / 1e6),
-            curves: Vec::new(),
-        },
-    );
-    let charts: Vec<Chart> = against_resolution.into_iter().chain(against_triangles).collect();
-    for chart in &charts {
-        for curve in &chart.curves {
-            println!(
-                "{}, {} against {}: slope {:.2}, at the end {:.2}",
-                chart.title,
-                curve.name,
-                chart.x_label,
-                curve.slope(curve.points.len()),
-                curve.slope(chart::AT_THE_END)
-            );
-        }
-    }
+    let against_resolution = Against {
+        title: "Sample plant, 12 M triangles",
+        label: "voxels a side",
+        name: |x| format!("{:.0}K", x / 1024.0),
+        x: Point::resolution,
+    };
+    let against_triangles = Against {
+        title: "Sample plants at 8192^3",
+        label: "triangles",
+        name: |x| format!("{:.1} M", x / 1e6),
+        x: |p| p.triangles,
+    };
+    let charts: Vec<Chart> = charts(&by_resolution, &against_resolution)
+        .into_iter()
+        .chain(charts(&by_triangles, &against_triangles))
+        .collect();
     if let Some(output) = options.output {
-        chart::write_svg(&output, &charts).unwrap();
+        std::fs::write(&output, charts_svg(&charts, 1300, 2).unwrap()).unwrap();
     }
 }

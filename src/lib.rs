@@ -8,9 +8,10 @@
 //!   ([`voxsight_voxel`]), and writes a [`container`].
 //! - [`scene`] is an opened container as the runtime sees it; [`loaded`] makes it ready for CPU queries: its triangles
 //!   in hierarchies ([`exact`]) beside its voxels.
-//! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and how wrong the answer is; [`render`] makes a
-//!   picture of it.
-//! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with.
+//! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and
+//!   how wrong the answer is; [`render`] makes a picture of it.
+//! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with. `lab`
+//!   (feature `cli`) runs methods over many views and reports run time against error.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
 //!   files appear whole or not at all.
 //!
@@ -30,6 +31,8 @@ pub mod export;
 pub mod filter;
 pub mod geometry;
 pub mod import;
+#[cfg(feature = "cli")]
+pub mod lab;
 pub mod loaded;
 pub mod model;
 pub mod occlusion;

@@ -1,6 +1,7 @@
 //! The command line: one file for each command, with its flags, help and work together.
 
 mod build;
+mod compare;
 mod demo;
 mod find;
 mod generate;
@@ -59,6 +60,8 @@ enum Command {
     Find(find::Find),
     /// Asks what a camera sees
     Visible(visible::Visible),
+    /// Compares methods of culling over many views: run time against error, as a report
+    Compare(compare::Compare),
     /// Renders a picture
     Render(render::Render),
 }
@@ -86,6 +89,7 @@ impl Cli {
             Command::Verify(command) => command.run(&progress),
             Command::Info(_) | Command::Find(_) => Ok(()),
             Command::Visible(command) => command.run(&progress),
+            Command::Compare(command) => command.run(&progress),
             Command::Render(command) => command.run(&progress),
         };
         progress.finish();

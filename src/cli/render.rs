@@ -10,7 +10,6 @@ use super::numbers::{parse_rays, parse_size, parse_vector};
 use super::output::{check_output, print_out, read_camera, write_json, write_png};
 use super::progress::TerminalProgress;
 use crate::camera::Camera;
-use crate::container::Axis;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::{Light, RenderSettings, Shadows, render, render_depth, render_ids};
@@ -86,7 +85,7 @@ impl Render {
         if let Some(path) = &self.save_camera {
             write_json(path, &camera)?;
         }
-        let up = up_vector(scene.meta().settings.up);
+        let up = scene.meta().settings.up.unit();
         let loaded = LoadedScene::new(scene, progress)?;
         progress.stage("render", u64::from(camera.width) * u64::from(camera.height), "pixels");
         const STOPPED: &str = "stopped; nothing was written";
@@ -135,14 +134,6 @@ pub(super) fn camera_or_overview(path: Option<&Path>, scene: &Scene) -> Result<C
     }
 }
 
-fn up_vector(axis: Axis) -> DVec3 {
-    match axis {
-        Axis::X => DVec3::X,
-        Axis::Y => DVec3::Y,
-        Axis::Z => DVec3::Z,
-    }
-}
-
 /// High up and to the side.
 pub(super) fn default_sun(up: DVec3) -> DVec3 {
     let side = DVec3::new(up.y, up.z, up.x);
@@ -152,7 +143,7 @@ pub(super) fn default_sun(up: DVec3) -> DVec3 {
 /// The whole scene from a corner above.
 fn overview(scene: &Scene) -> Camera {
     let bounds = scene.meta().bounds;
-    let up = up_vector(scene.meta().settings.up);
+    let up = scene.meta().settings.up.unit();
     let side = DVec3::new(up.y, up.z, up.x);
     let from = 0.55 * up + 0.8 * side + 0.6 * up.cross(side);
     Camera::around(bounds.min.into(), bounds.max.into(), from, up, 1280, 960)

@@ -1,5 +1,6 @@
 //! The two JSON sections: what the container was made from, and what the build found.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use voxsight_voxel::dag::DagShape;
 use voxsight_voxel::grid::Grid;
@@ -90,6 +91,17 @@ pub enum Axis {
     Y,
     /// +z
     Z,
+}
+
+impl Axis {
+    /// The axis' direction, length 1.
+    pub fn unit(self) -> DVec3 {
+        match self {
+            Axis::X => DVec3::X,
+            Axis::Y => DVec3::Y,
+            Axis::Z => DVec3::Z,
+        }
+    }
 }
 
 /// An axis-aligned box.

@@ -29,6 +29,8 @@ pub struct Accuracy {
     pub reference: u64,
     /// |V|.
     pub answer: u64,
+    /// Triangles (level 0) of V.
+    pub answer_triangles: u64,
     /// |V* \ V|: visible drawables that the answer would not draw.
     pub wrongly_hidden: u64,
     /// |V \ V*|: drawables that would be drawn for nothing.
@@ -55,6 +57,11 @@ impl Accuracy {
     pub fn needlessly_drawn_rate(&self) -> f64 {
         ratio(self.needlessly_drawn, self.answer)
     }
+
+    /// Triangles drawn for nothing as a fraction of all that are drawn; 0 when the answer is empty.
+    pub fn needless_triangle_rate(&self) -> f64 {
+        ratio(self.needless_triangles, self.answer_triangles)
+    }
 }
 
 fn ratio(part: u64, whole: u64) -> f64 {
@@ -80,6 +87,7 @@ pub fn accuracy(
     let mut result = Accuracy {
         reference: 0,
         answer: 0,
+        answer_triangles: 0,
         wrongly_hidden: 0,
         needlessly_drawn: 0,
         needless_triangles: 0,
@@ -92,12 +100,12 @@ pub fn accuracy(
     let (mut samples, mut lost) = (0u64, 0u64);
     let (mut count_error, mut counted) = (0.0, 0u64);
     for (drawable, (&seen, &visible)) in reference.samples.iter().zip(&answer.visible).enumerate() {
+        let drawn_triangles = if visible { u64::from(triangles(drawable as u32)) } else { 0 };
         result.answer += u64::from(visible);
+        result.answer_triangles += drawn_triangles;
         if seen == 0 {
-            if visible {
-                result.needlessly_drawn += 1;
-                result.needless_triangles += u64::from(triangles(drawable as u32));
-            }
+            result.needlessly_drawn += u64::from(visible);
+            result.needless_triangles += drawn_triangles;
             continue;
         }
         let hidden = !visible;
@@ -139,10 +147,10 @@ mod tests {
         // 1000 pixels, 16 reference rays each. Drawables: seen by both, lost (8 px), lost (half a pixel), needless, unseen.
         let reference = set(16_000, &[12_000, 128, 8, 0, 0]);
         let answer = set(1000, &[700, 0, 0, 3, 0]);
-        let found = accuracy(&reference, &answer, 1000, |drawable| 10 * drawable);
+        let found = accuracy(&reference, &answer, 1000, |drawable| 5 + 10 * drawable);
         assert_eq!((found.reference, found.answer), (3, 2));
         assert_eq!((found.wrongly_hidden, found.needlessly_drawn), (2, 1));
-        assert_eq!(found.needless_triangles, 30);
+        assert_eq!((found.answer_triangles, found.needless_triangles), (40, 35));
         assert!((found.lost_pixels - 136.0 / 12_136.0).abs() < 1e-15);
         let classes: Vec<_> = found.classes.iter().map(|c| (c.reference, c.wrongly_hidden)).collect();
         assert_eq!(classes, [(2, 1), (2, 1), (1, 0)]);

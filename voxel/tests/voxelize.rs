@@ -1,5 +1,7 @@
 //! The voxelizer against brute force: every voxel, every owner.
 
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
+
 mod common;
 
 use std::collections::BTreeMap;

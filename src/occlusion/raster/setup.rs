@@ -192,8 +192,8 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
     present &= solid;
 
     // To f32, every edge scaled so that its terms within the bounds add up to at most 1.
-    for i in 0..3 {
-        let [per_column, per_row, at_first] = edges[i].map(narrow);
+    for (i, edge) in edges.into_iter().enumerate() {
+        let [per_column, per_row, at_first] = edge.map(narrow);
         let terms = at_first.abs() + per_column.abs() * wide + per_row.abs() * tall;
         // More than nothing, for the pixel that lies on its own edge.
         let scale = splat(1.0) / (terms + splat(1e-30));
