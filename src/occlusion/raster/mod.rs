@@ -3,13 +3,13 @@
 //! A pixel holds the nearness ([`super::view`]) of the nearest triangle over its centre, both sides of every triangle
 //! counting, rounded away from the eye: never nearer than the truth, and farther by at most 2^-15 of it (in parallel
 //! projection: of the scene), as a rule 2^-20. Which triangles cover a centre is decided as f64 decides it, on every processor and by every path
-//! ([`setup`]); where a clip plane cuts, per pixel. So a depth image is exact at the centres and says
+//! (`setup`); where a clip plane cuts, per pixel. So a depth image is exact at the centres and says
 //! nothing about what lies between them.
 //!
 //! # How
 //!
-//! Sixteen triangles are set up together in f64 ([`setup`]); those that cover a centre, mostly few, are filled one after
-//! the other with f32 edge functions ([`fill`]); the odd ones are done in f64 ([`careful`]). Each thread draws into an image of
+//! Sixteen triangles are set up together in f64 (`setup`); those that cover a centre, mostly few, are filled one after
+//! the other with f32 edge functions (`fill`); the odd ones are done in f64 (`careful`). Each thread draws into an image of
 //! its own, and the images are joined at the end: the maximum does not care about the order, so the answer is
 //! the same for any number of threads.
 
