@@ -31,7 +31,7 @@ type Make = fn(&LoadedScene, RaysPerPixel) -> Result<Box<dyn Culling>, MethodErr
 
 /// Every method. Adding one is a line here.
 #[rustfmt::skip]
-pub const METHODS: &[MethodKind] = &[
+pub static METHODS: &[MethodKind] = &[
     MethodKind { name: "frustum", about: "boxes against the view pyramid, no occlusion", takes_rays: false, uses_voxels: false, make: |_, _| fresh(Method::Frustum, RaysPerPixel::ONE) },
     MethodKind { name: "voxel", about: "the first occupied voxel along each ray wins", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Voxel, rays) },
     MethodKind { name: "hybrid", about: "voxels propose, their triangles decide", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Hybrid, rays) },
