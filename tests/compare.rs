@@ -591,7 +591,9 @@ fn views_and_walks_stay_in_free_space_and_repeat() {
         assert!(is_free(&view.camera), "{view:?}");
         let seen =
             query(&loaded.query(), &view.camera.rays().unwrap(), Method::Exact, &QuerySettings::default());
-        assert!(seen.hits * 10 >= seen.rays, "{} sees next to nothing", view.name);
+        // A long model fills little of an image that holds all of it.
+        let least = if view.name.starts_with("inside") { 0.1 } else { 0.01 };
+        assert!(seen.hits as f64 >= least * seen.rays as f64, "{} sees next to nothing", view.name);
     }
 
     let frames = ViewSettings { count: 240, ..settings };

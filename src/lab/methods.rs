@@ -19,8 +19,11 @@ pub struct MethodKind {
     pub takes_rays: bool,
     /// The voxels' resolution is a parameter of it.
     pub uses_voxels: bool,
-    make: fn(&LoadedScene, RaysPerPixel) -> Result<Box<dyn Culling>, MethodError>,
+    make: fn(&LoadedScene, RaysPerPixel) -> Made,
 }
+
+/// A method that is ready, or why there is none.
+type Made = Result<Box<dyn Culling>, MethodError>;
 
 /// Every method. Adding one is a line here.
 #[rustfmt::skip]
@@ -34,7 +37,7 @@ pub const METHODS: &[MethodKind] = &[
 /// The method that is the sampling floor: the truth at the same rays.
 pub const FLOOR: &str = "exact";
 
-fn fresh(method: Method, rays: RaysPerPixel) -> Result<Box<dyn Culling>, MethodError> {
+fn fresh(method: Method, rays: RaysPerPixel) -> Made {
     let rays_per_pixel = rays.whole().ok_or(MethodError::BelowOne(rays))?;
     let settings = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
     Ok(Box::new(FreshQuery { method, settings }))

@@ -40,7 +40,7 @@ impl Distribution {
 fn median_of_sorted(sorted: &[f64]) -> f64 {
     let upper = sorted.len() / 2;
     match (sorted.get(upper), sorted.get(upper.wrapping_sub(1))) {
-        (Some(&high), Some(&low)) if sorted.len() % 2 == 0 => 0.5 * (low + high),
+        (Some(&high), Some(&low)) if sorted.len().is_multiple_of(2) => 0.5 * (low + high),
         (Some(&middle), _) => middle,
         _ => 0.0,
     }
