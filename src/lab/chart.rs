@@ -158,8 +158,10 @@ fn draw_chart(chart: &Chart, panel: &Area) -> Result<(), SvgError> {
         .x_label_formatter(&|&x| (chart.x.name)(x))
         .y_label_formatter(&|&y| (chart.y.name)(y))
         .draw()?;
-    for curve in &chart.curves {
+    for (index, curve) in chart.curves.iter().enumerate() {
         let style = colour(curve.colour);
+        // Curves often meet: their labels are on different sides.
+        let label_at = [(7, -14), (-14, 5)][index % 2];
         let line = curve.points.iter().map(|p| (p.x, p.y));
         if curve.is_dashed {
             context.draw_series(DashedLineSeries::new(line, 6, 4, style.stroke_width(2)))?;
@@ -169,7 +171,7 @@ fn draw_chart(chart: &Chart, panel: &Area) -> Result<(), SvgError> {
         for Point { x, y, label } in &curve.points {
             let at = EmptyElement::at((*x, *y));
             let dot = Circle::new((0, 0), 4, style.filled());
-            let text = Text::new(label.clone(), (7, -14), ("sans-serif", 12).into_font().color(&style));
+            let text = Text::new(label.clone(), label_at, ("sans-serif", 12).into_font().color(&style));
             context.draw_series(std::iter::once(at + dot + text))?;
         }
     }

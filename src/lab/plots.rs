@@ -45,7 +45,7 @@ pub fn pareto(report: &Report) -> Result<String, SvgError> {
         }
     }
     let chart = Chart {
-        title: "Time against lost pixels: left and below is better".into(),
+        title: "Time against lost pixels, by rays per pixel: left and below is better".into(),
         x: Axis { label: "milliseconds a view (median)".into(), name: plain, marks_at_points: false },
         y: Axis { label: "lost pixels, % (mean)".into(), name: plain, marks_at_points: false },
         curves,
