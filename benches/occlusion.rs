@@ -90,7 +90,7 @@ fn views(loaded: &LoadedScene, size: u32) -> Vec<(&'static str, Camera)> {
     let low = centre - DVec3::Z * 0.3 * extent.z;
     vec![
         ("outside", outside),
-        ("inside", inside(low, long + DVec3::new(0.2, 0.3, -0.1))),
+        ("inside", inside(low + DVec3::new(0.2, 0.15, 0.0) * extent, DVec3::new(-1.0, -0.7, -0.05))),
         ("along", inside(low - 0.42 * extent * long, long + DVec3::new(0.01, 0.02, -0.003))),
     ]
 }

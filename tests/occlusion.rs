@@ -258,10 +258,7 @@ fn depth_images_agree_with_rays_through_the_centres() {
                 let found = compare_with_rays(&name, &loaded, camera);
                 (hits, ties) = (hits + found.0, ties + found.1);
             }
-            assert!(
-                hits > if filtered { 1000 } else { 8000 },
-                "seed {seed}: only {hits} pixels hit anything"
-            );
+            assert!(hits > if filtered { 500 } else { 6000 }, "seed {seed}: only {hits} pixels hit anything");
             // At 1e7 units a coordinate is rounded by 2e-9: here and there across an edge.
             assert!(ties <= if seed == 1 { 0 } else { 2 }, "seed {seed}: {ties} of {hits} differ");
         }
@@ -558,7 +555,7 @@ fn two_passes_find_what_appears_along_a_path_in_the_same_frame() {
         boxes += in_frustum(&loaded, &camera);
         before = Some(answer);
     }
-    assert!(appeared > 100, "only {appeared} drawables appeared");
+    assert!(appeared > 50, "only {appeared} drawables appeared");
     assert!(shown * 10 < boxes * 9, "{shown} of {boxes} shown");
     // Forgotten, it starts anew and finds the same as one that never saw another frame.
     hzb.reset();

@@ -178,7 +178,7 @@ fn draw_with<S: Simd, const PARALLEL: bool>(
             let corners = corners(block, lane);
             heights.clear();
             heights.extend(drawing.cuts.heights.iter().map(|cut| corners.map(|corner| height(cut, corner))));
-            careful::draw(corners.map(|c| drawing.part.point(c)), PARALLEL, &heights, screen, image);
+            careful::draw(simd, corners.map(|c| drawing.part.point(c)), PARALLEL, &heights, screen, image);
         }
     }
 }
