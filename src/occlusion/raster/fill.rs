@@ -179,10 +179,9 @@ fn spans<S: Simd>(
         let down = row as f32;
         let edges = [at_row(a, down), at_row(b, down), at_row(c, down)];
         let (mut from, mut to) = (0.0f32, wide as f32);
-        for k in 0..3 {
-            let per_column = functions.edges[k][0];
+        for (edge, [per_column, ..]) in edges.iter().zip(functions.edges) {
             // A pixel more is wider than any rounding of the quotient by far.
-            let crossing = -edges[k] / per_column;
+            let crossing = -edge / per_column;
             if per_column > 0.0 {
                 from = from.max(crossing - 1.0);
             } else if per_column < 0.0 {

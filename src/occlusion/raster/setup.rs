@@ -26,9 +26,11 @@ pub(super) const DOUBT: f32 = 1.0 / (1 << 20) as f32;
 /// Bound on the rounding of a plane of nearness in f32, as a part of the sum of its terms.
 const NEARNESS_ERROR: f32 = 1.0 / (1 << 21) as f32;
 
-/// A plane whose terms add up to more than so many times the nearness itself is evaluated in f64: what rounding takes
-/// away from nearness stays below 2^-15 of it (perspective), or of the scene (parallel).
-const STEEP: f32 = 64.0;
+/// A plane whose terms add up to more than so many times the nearness itself (parallel: than so many scenes) is evaluated in
+/// f64: what rounding takes away stays below 2^-11 of nearness (parallel: below 2^-15 of the scene). Only triangles seen
+/// almost along their plane come near that.
+const STEEP: f32 = 1024.0;
+const STEEP_PARALLEL: f32 = 64.0;
 
 /// What is known of the triangles of a block. Lanes that are in no mask hold anything.
 pub(super) struct Batch {
@@ -199,6 +201,7 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
         if PARALLEL {
             (v[0][2], v[1][2], v[2][2]) = (one, one, one);
         }
+        #[allow(clippy::needless_range_loop, reason = "edges of two arrays at once")]
         for i in 0..3 {
             let edge = cross(v[(i + 1) % 3], v[(i + 2) % 3]);
             for axis in 0..3 {
@@ -213,6 +216,7 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
 
     // To f32, every edge scaled so that its terms within the bounds add up to at most 1.
     let mut least_at_first = one;
+    #[allow(clippy::needless_range_loop, reason = "edges of two arrays at once")]
     for i in 0..3 {
         let (per_column, per_row) = (narrow(edges[i][0]), narrow(edges[i][1]));
         let at_first = narrow(edges[i][2]);
@@ -231,7 +235,8 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
 
     let (per_column, per_row, at_first) = (narrow(plane[0]), narrow(plane[1]), narrow(plane[2]));
     let terms = at_first.abs() + per_column.abs() * wide + per_row.abs() * tall;
-    let steep = !(terms * farthest_h).simd_le(f32x16::splat(simd, STEEP)).to_bitmask() as u32;
+    let limit = f32x16::splat(simd, if PARALLEL { STEEP_PARALLEL } else { STEEP });
+    let steep = !(terms * farthest_h).simd_le(limit).to_bitmask() as u32;
     per_column.store_slice(&mut batch.nearness[0]);
     per_row.store_slice(&mut batch.nearness[1]);
     (at_first - terms * NEARNESS_ERROR).store_slice(&mut batch.nearness[2]);
