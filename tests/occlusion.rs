@@ -24,7 +24,7 @@ use voxsight::visibility::culling::Culling;
 use voxsight::visibility::{Method, QuerySettings, VisibleSet, query};
 
 /// How much farther than the truth a depth image may be, as a part of nearness (parallel: of the scene).
-const FARTHER: f64 = 1.0 / (1 << 15) as f64;
+const FARTHER: f64 = 1.0 / (1 << 11) as f64;
 
 struct Random(oorandom::Rand64);
 

@@ -38,7 +38,7 @@ pub struct Compare {
     #[arg(required = true, value_name = "SCENE.vxs")]
     scenes: Vec<PathBuf>,
     /// Methods, separated by commas; exact is always among them: it is the sampling floor
-    #[arg(long, value_delimiter = ',', default_value = "frustum,voxel,hybrid", value_name = "A,B,C")]
+    #[arg(long, value_delimiter = ',', default_value = "frustum,hzm,hzb,voxel,hybrid", value_name = "A,B,C")]
     methods: Vec<String>,
     /// Rays per pixel, separated by commas, such as 1/16,1,4
     #[arg(long, value_delimiter = ',', default_value = "1", value_name = "R,...")]

@@ -19,11 +19,17 @@ pub(super) struct Places<S: Simd> {
 impl<S: Simd> Places<S> {
     #[inline(always)]
     pub fn new(simd: S) -> Self {
-        let place = |f: fn(usize) -> usize| {
-            let places: [f32; LANES] = std::array::from_fn(|i| f(i) as f32);
-            f32x16::from_slice(simd, &places)
-        };
-        Places { in_row: place(|i| i), block_column: place(|i| i % 4), block_row: place(|i| i / 4) }
+        const IN_ROW: [f32; LANES] =
+            [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+        const COLUMN: [f32; LANES] =
+            [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0];
+        const ROW: [f32; LANES] =
+            [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0];
+        Places {
+            in_row: f32x16::from_slice(simd, &IN_ROW),
+            block_column: f32x16::from_slice(simd, &COLUMN),
+            block_row: f32x16::from_slice(simd, &ROW),
+        }
     }
 }
 
@@ -33,14 +39,43 @@ struct Functions {
     nearness: [f32; 3],
 }
 
+#[inline(always)]
+fn of_lane(values: &[[f32; LANES]; 3], lane: usize) -> [f32; 3] {
+    [values[0][lane], values[1][lane], values[2][lane]]
+}
+
+/// A function at the sixteen pixels of a block.
+#[inline(always)]
+fn in_block<S: Simd>(simd: S, places: &Places<S>, f: [f32; 3]) -> f32x16<S> {
+    places.block_column * f32x16::splat(simd, f[0])
+        + places.block_row * f32x16::splat(simd, f[1])
+        + f32x16::splat(simd, f[2])
+}
+
+/// How much more a function is at the pixels of a row than at the first.
+#[inline(always)]
+fn in_row<S: Simd>(simd: S, places: &Places<S>, f: [f32; 3]) -> f32x16<S> {
+    places.in_row * f32x16::splat(simd, f[0])
+}
+
+/// A function at the first pixel of a row.
+#[inline(always)]
+fn at_row(f: [f32; 3], down: f32) -> f32 {
+    f[2] + f[1] * down
+}
+
 /// Draws the triangle of a lane.
 #[inline(always)]
 pub(super) fn fill<S: Simd>(simd: S, places: Places<S>, batch: &Batch, lane: usize, image: &mut DepthImage) {
     let (left, right) = (batch.left[lane] as usize, batch.right[lane] as usize);
     let (top, bottom) = (batch.top[lane] as usize, batch.bottom[lane] as usize);
     let functions = Functions {
-        edges: batch.edges.map(|edge| edge.map(|values| values[lane])),
-        nearness: batch.nearness.map(|values| values[lane]),
+        edges: [
+            of_lane(&batch.edges[0], lane),
+            of_lane(&batch.edges[1], lane),
+            of_lane(&batch.edges[2], lane),
+        ],
+        nearness: of_lane(&batch.nearness, lane),
     };
     image.touch(top, bottom);
     let (wide, tall) = (right - left, bottom - top);
@@ -73,14 +108,14 @@ fn block<S: Simd>(
     (left, top): (usize, usize),
     image: &mut DepthImage,
 ) {
-    let splat = |value| f32x16::splat(simd, value);
-    let at = |f: [f32; 3]| places.block_column * splat(f[0]) + places.block_row * splat(f[1]) + splat(f[2]);
-    let (sure, doubtful) = inside(simd, functions.edges.map(at));
+    let [a, b, c] = functions.edges;
+    let edges = [in_block(simd, &places, a), in_block(simd, &places, b), in_block(simd, &places, c)];
+    let (sure, doubtful) = inside(simd, edges);
     if doubtful == 0 && sure.to_bitmask() == 0 {
         return;
     }
-    let nearness = at(functions.nearness);
-    let drawn = sure.select(nearness, splat(FARTHEST));
+    let nearness = in_block(simd, &places, functions.nearness);
+    let drawn = sure.select(nearness, f32x16::splat(simd, FARTHEST));
     let start = top * image.stride + left;
     let stride = image.stride;
     let quarters: [f32; LANES] = *drawn;
@@ -108,15 +143,18 @@ fn rows<S: Simd>(
     tall: usize,
     image: &mut DepthImage,
 ) {
-    let splat = |value| f32x16::splat(simd, value);
-    let columns = functions.edges.map(|f| places.in_row * splat(f[0]));
-    let nearness_columns = places.in_row * splat(functions.nearness[0]);
+    let [a, b, c] = functions.edges;
+    let columns = [in_row(simd, &places, a), in_row(simd, &places, b), in_row(simd, &places, c)];
+    let nearness_columns = in_row(simd, &places, functions.nearness);
     for row in 0..=tall {
         let down = row as f32;
-        let at_row = |f: [f32; 3]| splat(f[2] + f[1] * down);
-        let [a, b, c] = functions.edges.map(at_row);
-        let (sure, doubtful) = inside(simd, [columns[0] + a, columns[1] + b, columns[2] + c]);
-        let nearness = nearness_columns + at_row(functions.nearness);
+        let edges = [
+            columns[0] + f32x16::splat(simd, at_row(a, down)),
+            columns[1] + f32x16::splat(simd, at_row(b, down)),
+            columns[2] + f32x16::splat(simd, at_row(c, down)),
+        ];
+        let (sure, doubtful) = inside(simd, edges);
+        let nearness = nearness_columns + f32x16::splat(simd, at_row(functions.nearness, down));
         put(simd, sure, doubtful, nearness, batch, lane, (left, top + row), image);
     }
 }
@@ -134,16 +172,15 @@ fn spans<S: Simd>(
     (wide, tall): (usize, usize),
     image: &mut DepthImage,
 ) {
-    let splat = |value| f32x16::splat(simd, value);
-    let columns = functions.edges.map(|f| places.in_row * splat(f[0]));
-    let nearness_columns = places.in_row * splat(functions.nearness[0]);
+    let [a, b, c] = functions.edges;
+    let columns = [in_row(simd, &places, a), in_row(simd, &places, b), in_row(simd, &places, c)];
+    let nearness_columns = in_row(simd, &places, functions.nearness);
     for row in 0..=tall {
         let down = row as f32;
-        let at_row = |f: [f32; 3]| f[2] + f[1] * down;
-        let edges = functions.edges.map(at_row);
-        // Wider than any rounding of the quotient by far.
+        let edges = [at_row(a, down), at_row(b, down), at_row(c, down)];
         let (mut from, mut to) = (0.0f32, wide as f32);
         for (edge, [per_column, ..]) in edges.iter().zip(functions.edges) {
+            // A pixel more is wider than any rounding of the quotient by far.
             let crossing = -edge / per_column;
             if per_column > 0.0 {
                 from = from.max(crossing - 1.0);
@@ -154,13 +191,20 @@ fn spans<S: Simd>(
         if from > to {
             continue;
         }
-        let nearness_row = at_row(functions.nearness);
-        for start in (from as usize..=to as usize).step_by(LANES) {
+        let nearness_row = at_row(functions.nearness, down);
+        let (mut start, last) = (from as usize, to as usize);
+        while start <= last {
             let along = start as f32;
-            let at = |k: usize| columns[k] + splat(edges[k] + functions.edges[k][0] * along);
-            let (sure, doubtful) = inside(simd, [at(0), at(1), at(2)]);
-            let nearness = nearness_columns + splat(nearness_row + functions.nearness[0] * along);
+            let here = [
+                columns[0] + f32x16::splat(simd, edges[0] + a[0] * along),
+                columns[1] + f32x16::splat(simd, edges[1] + b[0] * along),
+                columns[2] + f32x16::splat(simd, edges[2] + c[0] * along),
+            ];
+            let (sure, doubtful) = inside(simd, here);
+            let nearness =
+                nearness_columns + f32x16::splat(simd, nearness_row + functions.nearness[0] * along);
             put(simd, sure, doubtful, nearness, batch, lane, (left + start, top + row), image);
+            start += LANES;
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Depth images of triangles: a software rasterizer with SIMD, on all threads.
 //!
 //! A pixel holds the nearness ([`super::view`]) of the nearest triangle over its centre, both sides of every triangle
-//! counting, rounded away from the eye: never nearer than the truth, and farther by at most 2^-15 of it (in parallel
-//! projection: of the scene), as a rule 2^-20. Which triangles cover a centre is decided as f64 decides it, on every processor and by every path
+//! counting, rounded away from the eye: never nearer than the truth, and farther by at most 2^-11 of it (in parallel
+//! projection: by 2^-15 of the scene), as a rule by 2^-20. Which triangles cover a centre is decided as f64 decides it, on every processor and by every path
 //! (`setup`); where a clip plane cuts, per pixel. So a depth image is exact at the centres and says
 //! nothing about what lies between them.
 //!
@@ -178,7 +178,7 @@ fn draw_with<S: Simd, const PARALLEL: bool>(
             let corners = corners(block, lane);
             heights.clear();
             heights.extend(drawing.cuts.heights.iter().map(|cut| corners.map(|corner| height(cut, corner))));
-            careful::draw(corners.map(|c| drawing.part.point(c)), PARALLEL, &heights, screen, image);
+            careful::draw(simd, corners.map(|c| drawing.part.point(c)), PARALLEL, &heights, screen, image);
         }
     }
 }

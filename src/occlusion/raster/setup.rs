@@ -26,9 +26,11 @@ pub(super) const DOUBT: f32 = 1.0 / (1 << 20) as f32;
 /// Bound on the rounding of a plane of nearness in f32, as a part of the sum of its terms.
 const NEARNESS_ERROR: f32 = 1.0 / (1 << 21) as f32;
 
-/// A plane whose terms add up to more than so many times the nearness itself is evaluated in f64: what rounding takes
-/// away from nearness stays below 2^-15 of it (perspective), or of the scene (parallel).
-const STEEP: f32 = 64.0;
+/// A plane whose terms add up to more than so many times the nearness itself (parallel: than so many scenes) is evaluated in
+/// f64: what rounding takes away stays below 2^-11 of nearness (parallel: below 2^-15 of the scene). Only triangles seen
+/// almost along their plane come near that.
+const STEEP: f32 = 1024.0;
+const STEEP_PARALLEL: f32 = 64.0;
 
 /// What is known of the triangles of a block. Lanes that are in no mask hold anything.
 pub(super) struct Batch {
@@ -88,7 +90,45 @@ fn minus<S: Simd>(a: [f64x8<S>; 3], b: [f64x8<S>; 3]) -> [f64x8<S>; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Sets up a block. Triangles that cover no pixel's centre are dropped.
+/// A row of the view, of eight points and eight more.
+#[inline(always)]
+fn along<S: Simd>(point: &[Halves<S>; 3], m: &[f64; 4]) -> Halves<S> {
+    let [x, y, z] = point;
+    [x[0] * m[0] + y[0] * m[1] + z[0] * m[2] + m[3], x[1] * m[0] + y[1] * m[1] + z[1] * m[2] + m[3]]
+}
+
+#[inline(always)]
+fn wide<S: Simd>(simd: S, values: &[f32; LANES]) -> Halves<S> {
+    let (low, high) = f32x16::from_slice(simd, values).widen();
+    [low, high]
+}
+
+/// One corner of all triangles: X, Y and the third coordinate.
+#[inline(always)]
+fn corner<S: Simd>(simd: S, part: &PartView, block: &TriangleBlock, k: usize) -> [Halves<S>; 3] {
+    let point = [wide(simd, &block[3 * k]), wide(simd, &block[3 * k + 1]), wide(simd, &block[3 * k + 2])];
+    [along(&point, &part.m[0]), along(&point, &part.m[1]), along(&point, &part.m[2])]
+}
+
+/// First and last pixel centre between three corners, from 0 to `last`, in f32: made wider by more than is rounded.
+#[inline(always)]
+fn bounds<S: Simd>(simd: S, [a, b, c]: [f32x16<S>; 3], last: f32) -> (f32x16<S>, f32x16<S>) {
+    const WIDEN: f32 = 1.0 / (1 << 21) as f32;
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let low = (low - low.abs() * WIDEN).ceil().max(f32x16::splat(simd, 0.0));
+    let high = (high + high.abs() * WIDEN).floor().min(f32x16::splat(simd, last));
+    (low, high)
+}
+
+/// The first or the second eight triangles' corner, over (X, Y, third).
+#[inline(always)]
+fn half_of<S: Simd>(corner: &[Halves<S>; 3], half: usize) -> [f64x8<S>; 3] {
+    [corner[0][half], corner[1][half], corner[2][half]]
+}
+
+/// Sets up a block. Triangles that cover no pixel's centre are dropped, as far as that is seen at once.
+///
+/// No closures here: what is not inlined is not compiled for the instructions of `S`.
 #[inline(always)]
 pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
     simd: S,
@@ -97,48 +137,31 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
     block: &TriangleBlock,
     batch: &mut Batch,
 ) -> Found {
-    let splat = |value: f32| f32x16::splat(simd, value);
-    // Corners: x, y and the third coordinate.
-    let corner = |k: usize| -> [Halves<S>; 3] {
-        let wide = |row: usize| f32x16::from_slice(simd, &block[3 * k + row]).widen();
-        let (x, y, z) = (wide(0), wide(1), wide(2));
-        let along = |m: &[f64; 4]| -> Halves<S> {
-            let low = x.0 * m[0] + y.0 * m[1] + z.0 * m[2] + m[3];
-            let high = x.1 * m[0] + y.1 * m[1] + z.1 * m[2] + m[3];
-            [low, high]
-        };
-        [along(&part.m[0]), along(&part.m[1]), along(&part.m[2])]
-    };
-    let corners = [corner(0), corner(1), corner(2)];
+    let zero = f32x16::splat(simd, 0.0);
+    let one = f32x16::splat(simd, 1.0);
+    let corners = [corner(simd, part, block, 0), corner(simd, part, block, 1), corner(simd, part, block, 2)];
 
-    // Bounds in pixels, in f32, made wider by more than they are rounded.
     let mut present = u32::from(u16::MAX);
     let mut careful = 0;
-    let (mut x, mut y) = (corners.map(|c| narrow(c[0])), corners.map(|c| narrow(c[1])));
-    let mut farthest_h = splat(1.0);
+    let mut x = [narrow(corners[0][0]), narrow(corners[1][0]), narrow(corners[2][0])];
+    let mut y = [narrow(corners[0][1]), narrow(corners[1][1]), narrow(corners[2][1])];
+    let mut farthest_h = one;
     if !PARALLEL {
-        let h = corners.map(|c| narrow(c[2]));
+        let h = [narrow(corners[0][2]), narrow(corners[1][2]), narrow(corners[2][2])];
         let least = h[0].min(h[1]).min(h[2]);
         farthest_h = h[0].max(h[1]).max(h[2]);
-        let in_front = least.simd_ge(splat(LEAST_H as f32)).to_bitmask() as u32;
-        careful = !in_front & farthest_h.simd_gt(splat(0.0)).to_bitmask() as u32;
+        let in_front = least.simd_ge(f32x16::splat(simd, LEAST_H as f32)).to_bitmask() as u32;
+        careful = !in_front & farthest_h.simd_gt(zero).to_bitmask() as u32;
         present = in_front;
         for k in 0..3 {
-            let inverse = splat(1.0) / h[k];
+            let inverse = one / h[k];
             (x[k], y[k]) = (x[k] * inverse, y[k] * inverse);
         }
     }
-    const WIDEN: f32 = 1.0 / (1 << 21) as f32;
-    let bounds = |c: [f32x16<S>; 3], last: f32| {
-        let (low, high) = (c[0].min(c[1]).min(c[2]), c[0].max(c[1]).max(c[2]));
-        let low = (low - low.abs() * WIDEN).ceil().max(splat(0.0));
-        let high = (high + high.abs() * WIDEN).floor().min(splat(last));
-        (low, high)
-    };
-    let (left, right) = bounds(x, screen.last_column);
-    let (top, bottom) = bounds(y, screen.last_row);
+    let (left, right) = bounds(simd, x, screen.last_column);
+    let (top, bottom) = bounds(simd, y, screen.last_row);
     let (wide, tall) = (right - left, bottom - top);
-    present &= wide.min(tall).simd_ge(splat(0.0)).to_bitmask() as u32;
+    present &= wide.min(tall).simd_ge(zero).to_bitmask() as u32;
     if present == 0 {
         return Found { fast: 0, careful };
     }
@@ -147,26 +170,22 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
     top.store_slice(&mut batch.top);
     bottom.store_slice(&mut batch.bottom);
 
-    let (from_column, from_row) = (left.widen(), top.widen());
+    let (columns, rows) = (left.widen(), top.widen());
     let mut edges = [[[f64x8::splat(simd, 0.0); 2]; 3]; 3];
     let mut plane = [[f64x8::splat(simd, 0.0); 2]; 3];
     let mut solid = 0;
     for half in 0..2 {
         let one = f64x8::splat(simd, 1.0);
-        let zero = f64x8::splat(simd, 0.0);
-        let of = |k: usize| [corners[k][0][half], corners[k][1][half], corners[k][2][half]];
-        let flat = |c: [f64x8<S>; 3]| if PARALLEL { [c[0], c[1], one] } else { c };
-        let c = [of(0), of(1), of(2)];
-        let v = c.map(flat);
-        let (column, row) = if half == 0 { (from_column.0, from_row.0) } else { (from_column.1, from_row.1) };
-        // In parallel projection over (column, row, nearness), else over (X, Y, H): the plane of the triangle.
+        let (column, row) = if half == 0 { (columns.0, rows.0) } else { (columns.1, rows.1) };
+        // In parallel projection over (column, row, nearness), else over (X, Y, H).
+        let c = [half_of(&corners[0], half), half_of(&corners[1], half), half_of(&corners[2], half)];
         let normal = cross(minus(c[1], c[0]), minus(c[2], c[0]));
         let determinant = if PARALLEL {
             normal[2]
         } else {
             c[0][0] * normal[0] + c[0][1] * normal[1] + c[0][2] * normal[2]
         };
-        solid |= (determinant.abs().simd_gt(zero).to_bitmask() as u32) << (8 * half);
+        solid |= (determinant.abs().simd_gt(f64x8::splat(simd, 0.0)).to_bitmask() as u32) << (8 * half);
         let inverse = one / determinant;
         if PARALLEL {
             plane[0][half] = -(normal[0] * inverse);
@@ -178,12 +197,16 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
             plane[2][half] = (column * normal[0] + row * normal[1] + normal[2]) * inverse;
         }
         let sign = one.copysign(determinant);
-        for (i, (j, k)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
-            let edge = cross(v[j], v[k]);
+        let mut v = c;
+        if PARALLEL {
+            (v[0][2], v[1][2], v[2][2]) = (one, one, one);
+        }
+        #[allow(clippy::needless_range_loop, reason = "edges of two arrays at once")]
+        for i in 0..3 {
+            let edge = cross(v[(i + 1) % 3], v[(i + 2) % 3]);
             for axis in 0..3 {
-                let value = edge[axis] * sign;
-                value.store_slice(&mut batch.exact[i][axis][8 * half..8 * half + 8]);
-                edges[i][axis][half] = value;
+                edges[i][axis][half] = edge[axis] * sign;
+                edges[i][axis][half].store_slice(&mut batch.exact[i][axis][8 * half..8 * half + 8]);
             }
             let [per_column, per_row, at_zero] = edges[i];
             edges[i][2][half] = column * per_column[half] + row * per_row[half] + at_zero[half];
@@ -192,18 +215,28 @@ pub(super) fn set_up<S: Simd, const PARALLEL: bool>(
     present &= solid;
 
     // To f32, every edge scaled so that its terms within the bounds add up to at most 1.
-    for (i, edge) in edges.into_iter().enumerate() {
-        let [per_column, per_row, at_first] = edge.map(narrow);
+    let mut least_at_first = one;
+    #[allow(clippy::needless_range_loop, reason = "edges of two arrays at once")]
+    for i in 0..3 {
+        let (per_column, per_row) = (narrow(edges[i][0]), narrow(edges[i][1]));
+        let at_first = narrow(edges[i][2]);
         let terms = at_first.abs() + per_column.abs() * wide + per_row.abs() * tall;
         // More than nothing, for the pixel that lies on its own edge.
-        let scale = splat(1.0) / (terms + splat(1e-30));
+        let scale = one / (terms + f32x16::splat(simd, 1e-30));
+        let at_first = at_first * scale + f32x16::splat(simd, DOUBT);
         (per_column * scale).store_slice(&mut batch.edges[i][0]);
         (per_row * scale).store_slice(&mut batch.edges[i][1]);
-        (at_first * scale + splat(DOUBT)).store_slice(&mut batch.edges[i][2]);
+        at_first.store_slice(&mut batch.edges[i][2]);
+        least_at_first = least_at_first.min(at_first);
     }
-    let [per_column, per_row, at_first] = plane.map(narrow);
+    // Many have one pixel within their bounds, and do not cover it.
+    let single = wide.max(tall).simd_le(zero).to_bitmask() as u32;
+    present &= !(single & least_at_first.simd_lt(zero).to_bitmask() as u32);
+
+    let (per_column, per_row, at_first) = (narrow(plane[0]), narrow(plane[1]), narrow(plane[2]));
     let terms = at_first.abs() + per_column.abs() * wide + per_row.abs() * tall;
-    let steep = !(terms * farthest_h).simd_le(splat(STEEP)).to_bitmask() as u32;
+    let limit = f32x16::splat(simd, if PARALLEL { STEEP_PARALLEL } else { STEEP });
+    let steep = !(terms * farthest_h).simd_le(limit).to_bitmask() as u32;
     per_column.store_slice(&mut batch.nearness[0]);
     per_row.store_slice(&mut batch.nearness[1]);
     (at_first - terms * NEARNESS_ERROR).store_slice(&mut batch.nearness[2]);
