@@ -26,10 +26,11 @@ pub struct ChunkMesh {
 pub struct ChunkBvh {
     /// Corners, in the order of the hierarchy's leaves: a leaf reads one run of memory.
     triangles: Vec<[Vec3; 3]>,
-    bvh: Bvh2,
-    centre: DVec3,
-    min: DVec3,
-    max: DVec3,
+    pub(super) bvh: Bvh2,
+    /// Boxes of the hierarchy are relative to it.
+    pub(super) centre: DVec3,
+    pub(super) min: DVec3,
+    pub(super) max: DVec3,
 }
 
 impl ChunkBvh {

@@ -6,6 +6,7 @@
 
 mod chunk_bvh;
 pub mod intersect;
+mod packet;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -16,7 +17,9 @@ use obvhs::{BvhBuildParams, fast_stack};
 use rayon::prelude::*;
 
 pub use chunk_bvh::{ChunkBvh, ChunkMesh};
+use fearless_simd::Level;
 use intersect::PartRay;
+pub use packet::{LANES, TriangleRays};
 
 use crate::filter::Filter;
 use crate::ray::Ray;
@@ -65,6 +68,8 @@ pub struct ExactScene {
     centre: DVec3,
     min: DVec3,
     max: DVec3,
+    /// Instructions for packets.
+    level: Level,
 }
 
 impl ExactScene {
@@ -94,7 +99,7 @@ impl ExactScene {
                 transparent: instance.transparent,
             })
             .collect();
-        ExactScene { chunks, instances, top, centre, min: min - slack, max: max + slack }
+        ExactScene { chunks, instances, top, centre, min: min - slack, max: max + slack, level: Level::new() }
     }
 
     /// The nearest opaque hit. `through` is called for each transparent drawable that the ray meets, with its nearest

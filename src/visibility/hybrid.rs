@@ -1,128 +1,123 @@
-//! The query `hybrid`: voxels along each ray name the candidates, front to back; each candidate's triangles are asked
-//! once a ray. The nearest hit wins as soon as the ray has come to it.
+//! The query `hybrid`: voxels along the rays of a tile name the candidates, front to back; each candidate's triangles
+//! are asked once a tile, for all its rays together. The nearest hit wins as soon as the ray has come to it.
 //!
-//! Every voxel that a triangle touches knows it as owner, so that with `accept_below_px` 0 this finds what `exact`
-//! finds: the voxel that holds the nearest hit is entered before the walk ends.
+//! Every voxel that a triangle touches knows it as owner, so that this finds what `exact` finds: the voxel that holds
+//! the nearest hit is entered before the walk ends.
 
-use voxsight_voxel::raycast::{Next, PACKET_RAYS, RayCaster, RayPacket, VoxelHit};
+use voxsight_voxel::raycast::{PACKET_RAYS, PacketBrick, RayCaster, RayEnds, RayPacket};
 
-use super::voxel::{KeptOwners, grid_ray};
+use super::voxel::grid_ray;
 use super::{QueryScene, RayQuery, VisibleSet};
-use crate::camera::CameraRays;
-use crate::exact::TriangleHit;
+use crate::exact::{TriangleHit, TriangleRays};
 use crate::ray::Ray;
 
 pub(super) struct HybridQuery<'a> {
     scene: QueryScene<'a>,
-    camera: &'a CameraRays,
-    /// A voxel smaller than so many pixels is accepted unseen.
-    accept_below_px: f64,
-}
-
-/// What is known of one ray on its way.
-#[derive(Default)]
-struct State {
-    /// Drawables whose triangles were asked.
-    asked: Vec<u32>,
-    /// Hits with transparent drawables.
-    through: Vec<TriangleHit>,
-    /// Nearest hit with an opaque drawable.
-    best: Option<TriangleHit>,
-    /// The first opaque owner of a voxel that was accepted unseen, and where.
-    accepted: Option<(u32, f64)>,
 }
 
 /// Working memory of a thread.
-pub(super) struct HybridScratch<'a> {
+pub(super) struct HybridScratch {
     packet: RayPacket,
-    owners: KeptOwners<'a>,
-    states: Vec<State>,
+    triangles: TriangleRays,
+    tile: Tile,
 }
 
-impl Default for HybridScratch<'_> {
+/// What is known of the rays of a tile on their way.
+struct Tile {
+    /// For each drawable the last tile that asked its triangles.
+    asked: Vec<u32>,
+    /// Number of this tile.
+    number: u32,
+    /// Nearest hit of each ray with an opaque drawable, or its end.
+    t: [f64; PACKET_RAYS],
+    opaque: [u32; PACKET_RAYS],
+    /// Half a voxel in t: a hit on the very border of its voxel may lie before it by rounding.
+    slack: [f64; PACKET_RAYS],
+    /// Hits with transparent drawables: ray and where.
+    through: Vec<(u32, u32, f64)>,
+}
+
+/// No drawable.
+const NOBODY: u32 = u32::MAX;
+
+impl Default for HybridScratch {
     fn default() -> Self {
         HybridScratch {
             packet: RayPacket::default(),
-            owners: KeptOwners::default(),
-            states: (0..PACKET_RAYS).map(|_| State::default()).collect(),
+            triangles: TriangleRays::default(),
+            tile: Tile {
+                asked: Vec::new(),
+                number: 0,
+                t: [0.0; PACKET_RAYS],
+                opaque: [NOBODY; PACKET_RAYS],
+                slack: [0.0; PACKET_RAYS],
+                through: Vec::new(),
+            },
         }
     }
 }
 
 impl<'a> HybridQuery<'a> {
-    pub fn new(scene: &QueryScene<'a>, camera: &'a CameraRays, accept_below_px: f64) -> Self {
-        HybridQuery { scene: *scene, camera, accept_below_px }
+    pub fn new(scene: &QueryScene<'a>) -> Self {
+        HybridQuery { scene: *scene }
     }
 
-    /// A voxel on a ray's way.
-    fn meet(
-        &self,
-        ray: &Ray,
-        state: &mut State,
-        owners: &mut KeptOwners<'a>,
-        hit: &VoxelHit,
-        found: &mut VisibleSet,
-    ) -> Next {
-        let QueryScene { exact, filter, grid, .. } = self.scene;
-        // Half a voxel of slack, in t: a hit on the very border of its voxel may lie before it by rounding.
-        let slack = 0.5 * grid.voxel_size / ray.direction.length();
-        if state.best.is_some_and(|best| hit.t() > best.t + slack) {
-            return Next::End;
-        }
-        let unseen = self.accept_below_px > 0.0
-            && grid.voxel_size < self.camera.pixel_at(hit.t()) * self.accept_below_px;
-        let of_brick = owners.of_brick(&self.scene, hit);
-        for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
-            if unseen {
-                found.visible[owner as usize] = true;
-                if !exact.is_transparent(owner) && state.accepted.is_none() {
-                    state.accepted = Some((owner, hit.t()));
+    /// A brick on the way of some rays.
+    fn meet(&self, tile: &mut Tile, triangles: &mut TriangleRays, brick: &PacketBrick, ends: &mut RayEnds) {
+        let QueryScene { exact, filter, .. } = self.scene;
+        for owner in self.scene.owners.of_brick(brick.ordinal(), brick.mask()).all() {
+            if tile.asked[owner as usize] == tile.number || filter.is_hidden(owner) {
+                continue;
+            }
+            tile.asked[owner as usize] = tile.number;
+            let mut t = tile.t;
+            let met = exact.closest_of_packet(owner, triangles, triangles.all(), &mut t);
+            for ray in (0..PACKET_RAYS).filter(|ray| met >> ray & 1 != 0) {
+                if exact.is_transparent(owner) {
+                    tile.through.push((ray as u32, owner, t[ray]));
+                } else if t[ray] < tile.t[ray] || owner < tile.opaque[ray] {
+                    tile.t[ray] = t[ray];
+                    tile.opaque[ray] = owner;
+                    ends.shorten(ray, t[ray] + tile.slack[ray]);
                 }
-                continue;
             }
-            if state.asked.contains(&owner) {
-                continue;
-            }
-            state.asked.push(owner);
-            let limit = Ray { t_max: state.best.map_or(ray.t_max, |best| best.t), ..*ray };
-            let Some(triangle) = exact.closest_of(owner, &limit) else { continue };
-            if exact.is_transparent(owner) {
-                state.through.push(triangle);
-            } else if state.best.is_none_or(|b| triangle.t < b.t || triangle.t == b.t && owner < b.drawable) {
-                state.best = Some(triangle);
-            }
-        }
-        if state.accepted.is_some() {
-            Next::End
-        } else if !unseen
-            && of_brick.all().all(|owner| state.asked.contains(&owner) || filter.is_hidden(owner))
-        {
-            // The brick has nothing more to tell.
-            Next::Brick
-        } else {
-            Next::Voxel
         }
     }
 }
 
 impl<'a> RayQuery for HybridQuery<'a> {
-    type Scratch = HybridScratch<'a>;
+    type Scratch = HybridScratch;
 
-    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut HybridScratch<'a>) {
-        let HybridScratch { packet, owners, states } = scratch;
-        packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
-        RayCaster::new(self.scene.dag).cast_packet(packet, |number, hit| {
-            self.meet(&rays[number], &mut states[number], owners, hit, found)
-        });
-        for state in states.iter_mut().take(rays.len()) {
-            let best = state.best.take().map(|hit| (hit.drawable, hit.t));
-            let first = match (best, state.accepted.take()) {
-                (Some(best), Some(accepted)) if accepted.1 < best.1 => Some(accepted),
-                (best, accepted) => best.or(accepted),
-            };
-            found.count_ray(&state.through, first);
-            state.asked.clear();
-            state.through.clear();
+    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut HybridScratch) {
+        let HybridScratch { packet, triangles, tile } = scratch;
+        tile.asked.resize(self.scene.exact.drawable_count() as usize, 0);
+        tile.number = tile.number.wrapping_add(1);
+        if tile.number == 0 {
+            tile.asked.fill(0);
+            tile.number = 1;
         }
+        packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
+        triangles.fill(rays);
+        tile.opaque = [NOBODY; PACKET_RAYS];
+        for (i, ray) in rays.iter().enumerate() {
+            tile.t[i] = ray.t_max;
+            tile.slack[i] = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
+        }
+        RayCaster::new(self.scene.dag)
+            .cast_bricks(packet, |brick, ends| self.meet(tile, triangles, brick, ends));
+        let mut through = Vec::new();
+        for ray in 0..rays.len() {
+            let first = (tile.opaque[ray] != NOBODY).then_some((tile.opaque[ray], tile.t[ray]));
+            through.clear();
+            through.extend(
+                tile.through.iter().filter(|hit| hit.0 == ray as u32).map(|&(_, drawable, t)| TriangleHit {
+                    t,
+                    drawable,
+                    triangle: 0,
+                }),
+            );
+            found.count_ray(&through, first);
+        }
+        tile.through.clear();
     }
 }

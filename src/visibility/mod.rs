@@ -192,7 +192,7 @@ pub fn query_until(
         Method::Exact => cast_all(&ExactQuery(*scene), scene, camera, settings, progress),
         Method::Voxel => cast_all(&voxel::VoxelQuery::new(scene), scene, camera, settings, progress),
         Method::Hybrid => {
-            let query = hybrid::HybridQuery::new(scene, camera, settings.accept_below_px);
+            let query = hybrid::HybridQuery::new(scene);
             cast_all(&query, scene, camera, settings, progress)
         }
     }

@@ -24,6 +24,8 @@ pub(super) struct Lanes {
     late: [[f32; PACKET_RAYS]; 3],
     t_min: [f32; PACKET_RAYS],
     t_max: [f32; PACKET_RAYS],
+    /// Where the lanes' parameter begins, in that of the rays.
+    t_start: f64,
     /// All of them together.
     pub tile: TileSlabs,
 }
@@ -38,6 +40,7 @@ impl Lanes {
             late: empty,
             t_min: empty[0],
             t_max: empty[0],
+            t_start: 0.0,
             tile: TileSlabs::default(),
         }
     }
@@ -57,6 +60,7 @@ impl Lanes {
             let t = walks.t_base[i as usize];
             t_start = if t < t_start { t } else { t_start };
         }
+        self.t_start = t_start;
         let mut farthest = [0.0f64; PACKET_RAYS];
         for i in 0..PACKET_RAYS {
             let ahead = walks.t_base[i] - t_start;
@@ -105,6 +109,20 @@ impl Lanes {
         self.tile.t_min = extremes(simd, &self.t_min).0;
         self.tile.t_max = extremes(simd, &self.t_max).1;
         apart
+    }
+
+    /// Where the lanes' parameter begins, in that of the rays.
+    pub fn t_start(&self) -> f64 {
+        self.t_start
+    }
+
+    /// Ends a ray at `t`, in the rays' own parameter, if that is before its end.
+    #[inline(always)]
+    pub fn shorten(&mut self, ray: usize, t: f64) {
+        let end = rounded_up(t - self.t_start);
+        if end < self.t_max[ray] {
+            self.t_max[ray] = end;
+        }
     }
 
     /// One of the rays, to go on alone.

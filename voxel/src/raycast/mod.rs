@@ -20,10 +20,12 @@
 //! | [`DagRef::cast`] | the reference | scalar, from cell to cell, integers and f64 |
 //! | [`RayCaster::cast`], [`RayCaster::cast_batch`] | unrelated rays | all 64 children of a node at once, f32 SIMD |
 //! | [`RayCaster::cast_packet`] | up to 64 rays of a tile of pixels | the tile's frustum, then lanes of rays |
+//! | [`RayCaster::cast_bricks`] | the bricks that such rays may cross, each once | the same, without deciding in f64 |
 //!
 //! The SIMD paths discard with f32 tests that are widened by a bound of their error, and decide in f64 by the rule above wherever f32
-//! leaves a doubt. So every path gives the same voxels as the reference, in the same order, on every processor.
+//! leaves a doubt ([`RayCaster::cast_bricks`] leaves that to its caller). So every other path gives the same voxels as the reference, in the same order, on every processor.
 
+mod bricks;
 mod lanes;
 mod packet;
 mod ray;
@@ -31,6 +33,7 @@ mod reference;
 mod single;
 mod slabs;
 
+pub use bricks::{PacketBrick, RayEnds};
 pub use packet::{PACKET_RAYS, RayPacket};
 pub use ray::GridRay;
 
@@ -107,19 +110,29 @@ impl VoxelHit<'_> {
 
     /// Ordinal of its brick in depth-first order, for [`crate::dag::OwnersRef::of_brick`].
     pub fn brick_ordinal(&self) -> u64 {
-        (1..=self.dag.height)
-            .map(|height| {
-                self.dag.bricks_before(height, self.nodes[height as usize], slot(self.voxel, 2 * height))
-            })
-            .sum()
+        ordinal(self.dag, self.nodes, self.voxel)
     }
 
     /// Mask of the occupied voxels of its brick, for [`crate::dag::OwnersRef::of_brick`].
     pub fn brick_mask(&self) -> u64 {
-        let node = self.nodes[1];
-        let word = child_word(mask_at(self.dag.words, node), node, slot(self.voxel, 2));
-        self.dag.leaves[self.dag.words[word] as usize]
+        mask(self.dag, self.nodes, self.voxel)
     }
+}
+
+/// Ordinal of the brick that holds a voxel, below the nodes of each height.
+#[inline]
+fn ordinal(dag: &DagRef, nodes: &[u32; MAX_STACK], voxel: [i32; 3]) -> u64 {
+    (1..=dag.height)
+        .map(|height| dag.bricks_before(height, nodes[height as usize], slot(voxel, 2 * height)))
+        .sum()
+}
+
+/// Its mask.
+#[inline]
+fn mask(dag: &DagRef, nodes: &[u32; MAX_STACK], voxel: [i32; 3]) -> u64 {
+    let node = nodes[1];
+    let word = child_word(mask_at(dag.words, node), node, slot(voxel, 2));
+    dag.leaves[dag.words[word] as usize]
 }
 
 /// Runs code that is generic over [`Simd`] with the instructions asked for; with less where the processor has less.
@@ -294,5 +307,12 @@ impl<'a> RayCaster<'a> {
     pub fn cast_packet(&self, packet: &mut RayPacket, mut visit: impl FnMut(usize, &VoxelHit) -> Next) {
         let Self { dag, footprint, .. } = self;
         with_simd!(self.instructions, simd => packet::cast(simd, dag, packet, *footprint, &mut visit));
+    }
+
+    /// Calls `visit` for the bricks that rays of a packet may cross, each once for all its rays, with those rays;
+    /// front to back for each ray. `visit` may shorten the rays, for example when it has found what stops them. No
+    /// brick that a ray crosses before its end is missing; some may be passed by 2^-19 of the grid's side.
+    pub fn cast_bricks(&self, packet: &mut RayPacket, mut visit: impl FnMut(&PacketBrick, &mut RayEnds)) {
+        with_simd!(self.instructions, simd => bricks::cast(simd, &self.dag, packet, &mut visit));
     }
 }

@@ -27,10 +27,10 @@ const RAYS_PER_VOXEL: u32 = 2;
 /// again and again.
 #[derive(Clone, Debug)]
 pub struct RayPacket {
-    rays: RayLanes<PACKET_RAYS>,
+    pub(super) rays: RayLanes<PACKET_RAYS>,
     count: usize,
-    walks: Walks<PACKET_RAYS>,
-    lanes: Lanes,
+    pub(super) walks: Walks<PACKET_RAYS>,
+    pub(super) lanes: Lanes,
 }
 
 impl Default for RayPacket {
@@ -55,6 +55,17 @@ impl RayPacket {
         }
         self.count
     }
+
+    /// Sets up the lanes of all rays, which are of one octant. Returns those that meet the grid, and those of them
+    /// that have to go alone.
+    #[inline(always)]
+    pub(super) fn set_up<S: Simd>(&mut self, simd: S, dag: &DagRef, flip: u32) -> (u64, u64) {
+        let RayPacket { rays, count, walks, lanes } = self;
+        walks.enter(rays, f64::from(1 << dag.log2));
+        let inside = Kinds::new(simd, walks, *count).inside;
+        let apart = lanes.set_up(simd, walks, inside, flip, f64::from(dag.tree_side()));
+        (inside & !apart, apart)
+    }
 }
 
 /// See [`super::RayCaster::cast_packet`].
@@ -68,37 +79,50 @@ pub(super) fn cast<S: Simd>(
 ) {
     let Some(root) = dag.root else { return };
     let columns = Columns::new(simd);
-    let tree_side = f64::from(dag.tree_side());
     let mut nodes = [0u32; MAX_STACK];
     nodes[dag.height as usize] = root;
-    let apart = if let Some((flip, tile)) = packet.rays.tile(simd, tree_side) {
-        trace(columns, dag, packet, &mut nodes, flip, &tile, None, footprint, visit)
-    } else {
-        // A tile across an axis is done in parts.
-        let RayPacket { rays, count, walks, .. } = &mut *packet;
-        walks.enter(rays, f64::from(1 << dag.log2));
-        let kinds = Kinds::new(simd, walks, *count);
-        // Rays whose parameter is not that of the others.
-        let mut apart = kinds.scaled;
-        let mut waiting = kinds.inside & !kinds.scaled;
-        while waiting != 0 {
-            let flip = kinds.flip(waiting.trailing_zeros());
-            let rays = waiting & kinds.of_octant(flip);
-            waiting &= !rays;
-            let far_off = packet.lanes.set_up(simd, &packet.walks, rays, flip, tree_side);
-            apart |= far_off;
-            if rays != far_off {
-                let tile = packet.lanes.tile;
-                let ready = Some(rays & !far_off);
-                trace(columns, dag, packet, &mut nodes, flip, &tile, ready, footprint, visit);
-            }
-        }
-        apart
-    };
+    let apart = for_each_octant(simd, dag, packet, |packet, flip, tile, ready| {
+        trace(columns, dag, packet, &mut nodes, flip, tile, ready, footprint, visit)
+    });
     for i in SetBits(apart) {
         let i = i as usize;
         cast_alone(columns, dag, &packet.walks.get(i), &mut nodes, footprint, &mut |hit| visit(i, hit));
     }
+}
+
+/// Calls `trace(packet, flip, tile, ready)` for the rays of each octant: its axes along which they fall, their bounds, and
+/// which rays they are when their lanes are set up already, `None` for all rays in one octant whose lanes are
+/// not. Returns the rays that have to go alone, those that `trace` returns among them.
+#[inline(always)]
+pub(super) fn for_each_octant<S: Simd>(
+    simd: S,
+    dag: &DagRef,
+    packet: &mut RayPacket,
+    mut trace: impl FnMut(&mut RayPacket, u32, &TileSlabs, Option<u64>) -> u64,
+) -> u64 {
+    let tree_side = f64::from(dag.tree_side());
+    if let Some((flip, tile)) = packet.rays.tile(simd, tree_side) {
+        return trace(packet, flip, &tile, None);
+    }
+    // A tile across an axis is done in parts.
+    let RayPacket { rays, count, walks, .. } = &mut *packet;
+    walks.enter(rays, f64::from(1 << dag.log2));
+    let kinds = Kinds::new(simd, walks, *count);
+    // Rays whose parameter is not that of the others.
+    let mut apart = kinds.scaled;
+    let mut waiting = kinds.inside & !kinds.scaled;
+    while waiting != 0 {
+        let flip = kinds.flip(waiting.trailing_zeros());
+        let rays = waiting & kinds.of_octant(flip);
+        waiting &= !rays;
+        let far_off = packet.lanes.set_up(simd, &packet.walks, rays, flip, tree_side);
+        apart |= far_off;
+        if rays != far_off {
+            let tile = packet.lanes.tile;
+            apart |= trace(packet, flip, &tile, Some(rays & !far_off));
+        }
+    }
+    apart
 }
 
 /// Traces rays of one octant from the root, which is in `nodes` already: those named, whose lanes are set up, or all. In
@@ -139,11 +163,7 @@ fn trace<S: Simd>(
             continue;
         }
         if height <= RAY_TEST_HEIGHT && !is_ready {
-            let RayPacket { rays: given, count, walks, lanes } = &mut *packet;
-            walks.enter(given, f64::from(1 << dag.log2));
-            let inside = Kinds::new(simd, walks, *count).inside;
-            apart = lanes.set_up(simd, walks, inside, flip, f64::from(dag.tree_side()));
-            alive = inside & !apart;
+            (alive, apart) = packet.set_up(simd, dag, flip);
             is_ready = true;
             continue;
         }
