@@ -1,7 +1,7 @@
 //! What a visibility query takes, and how wrong it is: every method at one ray per pixel over the six views of the bench of
 //! rays, beside obvhs through all level-0 triangles in one hierarchy (the better of CWBVH and BVH2).
 //!
-//! `cargo bench --bench visibility -- [--size 1024] [--runs 5] [--resolution-log2 12] [--threads N] [SCENE.vxs|MODEL..]`
+//! `cargo bench --bench visibility -- [--size 1024] [--runs 5] [--resolution-log2 12] [--threads N] [--only METHOD] [SCENE.vxs|MODEL..]`
 //! Without scenes: the sample plant of a million triangles. `hybrid` is compared with `exact` before it is timed; lost
 //! pixels are those of DESIGN's definition, against 16 other exact rays per pixel.
 #![allow(
@@ -37,13 +37,23 @@ struct Options {
     runs: usize,
     log2: u32,
     threads: usize,
+    /// This method alone, so many times for each view, for a profiler.
+    only: Option<Method>,
     scenes: Vec<PathBuf>,
 }
 
 fn options() -> Options {
-    let mut options = Options { size: 1024, runs: 5, log2: 12, threads: 0, scenes: Vec::new() };
+    let mut options = Options { size: 1024, runs: 5, log2: 12, threads: 0, only: None, scenes: Vec::new() };
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
+        if arg == "--only" {
+            options.only = Some(match args.next().as_deref() {
+                Some("exact") => Method::Exact,
+                Some("voxel") => Method::Voxel,
+                _ => Method::Hybrid,
+            });
+            continue;
+        }
         let mut value = || args.next().expect("a value").parse::<usize>().expect("a number");
         match arg.as_str() {
             "--bench" => {}
@@ -102,6 +112,16 @@ fn run(options: &Options, path: &Path) {
         loaded.scene().meta().counts.placed_triangles,
         rayon::current_num_threads()
     );
+    if let Some(method) = options.only {
+        for view in views(loaded.scene(), options.size) {
+            let rays = camera(&view.camera, options.size);
+            let time = milliseconds(options.runs, || {
+                black_box(query(&scene, &rays, method, &QuerySettings::default()));
+            });
+            println!("{}: {time:.1}", view.name);
+        }
+        return;
+    }
     println!("| view | obvhs | exact | hybrid | voxel | hybrid to obvhs |\n|{}", " --- |".repeat(6));
     let rivals = Rivals::build(loaded.scene());
     let pixels = (options.size * options.size) as u64;

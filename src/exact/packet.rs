@@ -8,10 +8,13 @@
 //!
 //! Triangles are tested in f64 as in [`super::intersect`], operation by operation. Where all rays start at one point, as
 //! those of a perspective camera do, the cross products are the same for all of them and are computed once.
+//!
+//! No closures and no iterator adapters here: what is not inlined for certain is compiled without the instructions asked
+//! for.
 #![allow(clippy::needless_range_loop, reason = "lanes and axes of several arrays at once")]
 
 use fearless_simd::prelude::*;
-use fearless_simd::{Simd, dispatch, f32x16, f64x8, mask64x8};
+use fearless_simd::{Simd, dispatch, f32x16, f64x8};
 use glam::{DAffine3, DVec3};
 use obvhs::bvh2::node::Bvh2Node;
 
@@ -182,32 +185,38 @@ impl PartLanes {
         let m = part_from_world.matrix3.to_cols_array_2d();
         let offset = part_from_world.translation.to_array();
         let mut inside = 0;
-        for start in (0..LANES).step_by(F64_LANES).filter(|start| rays >> start & 0xff != 0) {
+        for group in 0..LANES / F64_LANES {
+            let start = group * F64_LANES;
+            if rays >> start & 0xff == 0 {
+                continue;
+            }
             let mut enters = [false; F64_LANES];
             for lane in 0..F64_LANES {
                 let i = start + lane;
-                let (o, d) = ([0, 1, 2].map(|k| origin[k][i]), [0, 1, 2].map(|k| direction[k][i]));
-                // In the order in which glam adds.
-                let moved = [0, 1, 2].map(|k| m[0][k] * o[0] + m[1][k] * o[1] + m[2][k] * o[2] + offset[k]);
-                let turned = [0, 1, 2].map(|k| m[0][k] * d[0] + m[1][k] * d[1] + m[2][k] * d[2]);
                 let (mut t_in, mut t_out, mut scale) = (t_min[i], t_max[i], 0.0);
-                let inverses = turned.map(|d| 1.0 / d);
+                let mut inverses = [0.0; 3];
                 for k in 0..3 {
-                    self.origin[k][i] = moved[k];
-                    self.direction[k][i] = turned[k];
-                    let (a, b) = ((min[k] - moved[k]) * inverses[k], (max[k] - moved[k]) * inverses[k]);
-                    let parallel = turned[k] == 0.0;
-                    let within = moved[k] >= min[k] && moved[k] <= max[k];
+                    // In the order in which glam adds.
+                    let o =
+                        m[0][k] * origin[0][i] + m[1][k] * origin[1][i] + m[2][k] * origin[2][i] + offset[k];
+                    let d = m[0][k] * direction[0][i] + m[1][k] * direction[1][i] + m[2][k] * direction[2][i];
+                    let inverse = 1.0 / d;
+                    let (a, b) = ((min[k] - o) * inverse, (max[k] - o) * inverse);
+                    let parallel = d == 0.0;
+                    let within = o >= min[k] && o <= max[k];
                     let everywhere = if within { f64::INFINITY } else { f64::NEG_INFINITY };
                     t_in = larger(t_in, if parallel { -everywhere } else { smaller(a, b) });
                     t_out = smaller(t_out, if parallel { everywhere } else { larger(a, b) });
-                    scale = larger(scale, turned[k].abs());
+                    scale = larger(scale, d.abs());
+                    inverses[k] = inverse;
+                    self.origin[k][i] = o;
+                    self.direction[k][i] = d;
                 }
                 enters[lane] = t_in <= t_out && scale > 0.0;
                 self.t_enter[i] = t_in;
                 self.scale[i] = scale;
                 for k in 0..3 {
-                    let entry = (moved[k] + t_in * turned[k] - centre[k]) as f32;
+                    let entry = (self.origin[k][i] + t_in * self.direction[k][i] - centre[k]) as f32;
                     let steep = smaller(larger(scale * inverses[k], -STEEPEST), STEEPEST) as f32;
                     self.inverse[k][i] = steep;
                     self.shift[k][i] = -(entry * steep);
@@ -226,12 +235,16 @@ impl PartLanes {
     fn crossing<S: Simd>(&self, simd: S, rays: u64, node: &Bvh2Node) -> u64 {
         let (low, high) = (node.aabb().min.to_array(), node.aabb().max.to_array());
         let mut found = 0;
-        for start in (0..LANES).step_by(F32_LANES).filter(|start| rays >> start & 0xffff != 0) {
-            let load = |lanes: &[f32; LANES]| f32x16::from_slice(simd, &lanes[start..start + F32_LANES]);
+        for group in 0..LANES / F32_LANES {
+            let start = group * F32_LANES;
+            if rays >> start & 0xffff == 0 {
+                continue;
+            }
             let mut t_in = f32x16::splat(simd, 0.0);
-            let mut t_out = load(&self.t_max);
+            let mut t_out = load_f32(simd, &self.t_max, start);
             for k in 0..3 {
-                let (inverse, shift) = (load(&self.inverse[k]), load(&self.shift[k]));
+                let inverse = load_f32(simd, &self.inverse[k], start);
+                let shift = load_f32(simd, &self.shift[k], start);
                 let a = f32x16::splat(simd, low[k]).mul_add(inverse, shift);
                 let b = f32x16::splat(simd, high[k]).mul_add(inverse, shift);
                 t_in = t_in.max(a.min(b));
@@ -246,8 +259,12 @@ impl PartLanes {
     #[inline(always)]
     fn comes_first(&self, ray: usize, first: &Bvh2Node, second: &Bvh2Node) -> bool {
         let (first, second) = (first.aabb(), second.aabb());
-        let apart = (second.min + second.max) - (first.min + first.max);
-        (0..3).map(|k| f64::from(apart[k]) * self.direction[k][ray]).sum::<f64>() >= 0.0
+        let apart = ((second.min + second.max) - (first.min + first.max)).to_array();
+        let mut along = 0.0;
+        for k in 0..3 {
+            along += f64::from(apart[k]) * self.direction[k][ray];
+        }
+        along >= 0.0
     }
 
     /// Tests `rays` against a triangle. Returns those that meet it no farther than at their `t`, which becomes that.
@@ -261,51 +278,82 @@ impl PartLanes {
         t: &mut [f64; LANES],
     ) -> u64 {
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let normal_lanes = normal.to_array().map(|c| f64x8::splat(simd, c));
-        // Of rays that all start where the first does.
-        let eye = DVec3::from([0, 1, 2].map(|k| self.origin[k][rays.trailing_zeros() as usize]));
-        let [a, b, c] = corners.map(|corner| corner - eye);
-        let edges = [c.cross(b), a.cross(c), b.cross(a)];
-        let height = normal.dot(a);
+        let normal_lanes = splat(simd, normal);
+        // Where all rays start, if they do.
+        let first = rays.trailing_zeros() as usize & (LANES - 1);
+        let eye = DVec3::new(self.origin[0][first], self.origin[1][first], self.origin[2][first]);
+        let (a, b, c) = (corners[0] - eye, corners[1] - eye, corners[2] - eye);
+        let edges = [splat(simd, c.cross(b)), splat(simd, a.cross(c)), splat(simd, b.cross(a))];
+        let height = f64x8::splat(simd, normal.dot(a));
         let zero = f64x8::splat(simd, 0.0);
-        let infinity = f64x8::splat(simd, f64::INFINITY);
         let mut met = 0;
-        for start in (0..LANES).step_by(F64_LANES).filter(|start| rays >> start & 0xff != 0) {
-            let load = |lanes: &[f64; LANES]| f64x8::from_slice(simd, &lanes[start..start + F64_LANES]);
-            let direction = [0, 1, 2].map(|k| load(&self.direction[k]));
-            let (sides, height) = if ONE_EYE {
-                let side = |edge: DVec3| dot(direction, edge.to_array().map(|c| f64x8::splat(simd, c)));
-                (edges.map(side), f64x8::splat(simd, height))
+        for group in 0..LANES / F64_LANES {
+            let start = group * F64_LANES;
+            if rays >> start & 0xff == 0 {
+                continue;
+            }
+            let direction = load(simd, &self.direction, start);
+            let (u, v, w, height) = if ONE_EYE {
+                (dot(direction, edges[0]), dot(direction, edges[1]), dot(direction, edges[2]), height)
             } else {
-                let origin = [0, 1, 2].map(|k| load(&self.origin[k]));
-                let [a, b, c] =
-                    corners.map(|corner| [0, 1, 2].map(|k| f64x8::splat(simd, corner[k]) - origin[k]));
-                let side = |p, q| dot(direction, cross(p, q));
-                ([side(c, b), side(a, c), side(b, a)], dot(normal_lanes, a))
+                let origin = load(simd, &self.origin, start);
+                let a = minus(splat(simd, corners[0]), origin);
+                let b = minus(splat(simd, corners[1]), origin);
+                let c = minus(splat(simd, corners[2]), origin);
+                let (u, v, w) = (cross(c, b), cross(a, c), cross(b, a));
+                (dot(direction, u), dot(direction, v), dot(direction, w), dot(normal_lanes, a))
             };
-            let any = |test: [mask64x8<S>; 3]| test[0] | test[1] | test[2];
-            let outside = any(sides.map(|s| s.simd_lt(zero))) & any(sides.map(|s| s.simd_gt(zero)));
-            let among = rays >> start & 0xff & !outside.to_bitmask();
+            let below = u.simd_lt(zero) | v.simd_lt(zero) | w.simd_lt(zero);
+            let above = u.simd_gt(zero) | v.simd_gt(zero) | w.simd_gt(zero);
+            let among = rays >> start & 0xff & !(below & above).to_bitmask();
             if among == 0 {
                 continue;
             }
             let slope = dot(normal_lanes, direction);
             let at = height / slope;
-            let in_time = at.simd_ge(load(t_min)) & at.simd_le(load(t)) & at.simd_lt(infinity);
+            let from = f64x8::from_slice(simd, &t_min[start..start + F64_LANES]);
+            let to = f64x8::from_slice(simd, &t[start..start + F64_LANES]);
+            let in_time = at.simd_ge(from) & at.simd_le(to) & at.simd_lt(f64x8::splat(simd, f64::INFINITY));
             let hits = among & in_time.to_bitmask() & !slope.simd_eq(zero).to_bitmask();
             if hits == 0 {
                 continue;
             }
             let found = at.as_slice();
-            for lane in (0..F64_LANES).filter(|lane| hits >> lane & 1 != 0) {
-                let i = start + lane;
-                t[i] = found[lane];
-                self.t_max[i] = box_t_max(found[lane], self.t_enter[i], self.scale[i]);
+            for lane in 0..F64_LANES {
+                if hits >> lane & 1 != 0 {
+                    let i = start + lane;
+                    t[i] = found[lane];
+                    self.t_max[i] = box_t_max(found[lane], self.t_enter[i], self.scale[i]);
+                }
             }
             met |= hits << start;
         }
         met
     }
+}
+
+#[inline(always)]
+fn load_f32<S: Simd>(simd: S, lanes: &[f32; LANES], start: usize) -> f32x16<S> {
+    f32x16::from_slice(simd, &lanes[start..start + F32_LANES])
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, lanes: &[[f64; LANES]; 3], start: usize) -> [f64x8<S>; 3] {
+    [
+        f64x8::from_slice(simd, &lanes[0][start..start + F64_LANES]),
+        f64x8::from_slice(simd, &lanes[1][start..start + F64_LANES]),
+        f64x8::from_slice(simd, &lanes[2][start..start + F64_LANES]),
+    ]
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, v: DVec3) -> [f64x8<S>; 3] {
+    [f64x8::splat(simd, v.x), f64x8::splat(simd, v.y), f64x8::splat(simd, v.z)]
+}
+
+#[inline(always)]
+fn minus<S: Simd>(a: [f64x8<S>; 3], b: [f64x8<S>; 3]) -> [f64x8<S>; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// `t` as a parameter of the box rays, rounded up generously: a box at just this distance is still entered.

@@ -80,16 +80,22 @@ pub(super) fn cast<S: Simd>(
     let mut ends = RayEnds { t: packet.rays.t_max, shortened: 0 };
     let mut nodes = [0u32; MAX_STACK];
     nodes[dag.height as usize] = root;
-    let apart = for_each_octant(simd, dag, packet, |packet, flip, tile, ready| {
-        let mut descent = Descent::new(simd, dag, flip, tile);
-        if let Some(rays) = ready {
-            descent.take(rays, packet.lanes.t_start());
-            // Another octant's visits may have shortened them.
-            ends.shortened |= rays;
-            descent.shorten(&mut packet.lanes, &mut ends);
-        }
-        descent.run(packet, &mut nodes, &mut ends, visit)
-    });
+    let apart = for_each_octant(
+        simd,
+        dag,
+        packet,
+        #[inline(always)]
+        |packet, flip, tile, ready| {
+            let mut descent = Descent::new(simd, dag, flip, tile);
+            if let Some(rays) = ready {
+                descent.take(rays, packet.lanes.t_start());
+                // Another octant's visits may have shortened them.
+                ends.shortened |= rays;
+                descent.shorten(&mut packet.lanes, &mut ends);
+            }
+            descent.run(packet, &mut nodes, &mut ends, visit)
+        },
+    );
     for i in SetBits(apart) {
         let ray = i as usize;
         // Every brick is below this footprint.
@@ -122,7 +128,8 @@ struct Descent<'d, S: Simd> {
     corners: [[f32; 3]; MAX_STACK],
     rays: [u64; MAX_STACK],
     /// Of the heights at which rays are tested: the rays of each child, where they were found ray by ray.
-    rays_of: [Option<[u64; 64]>; RAY_TEST_HEIGHT + 1],
+    rays_of: [[u64; 64]; RAY_TEST_HEIGHT + 1],
+    is_divided: [bool; RAY_TEST_HEIGHT + 1],
     /// Rays were shortened since.
     is_stale: [bool; RAY_TEST_HEIGHT + 1],
 }
@@ -142,7 +149,8 @@ impl<'d, S: Simd> Descent<'d, S> {
             left: [0; MAX_STACK],
             corners: [[0.0; 3]; MAX_STACK],
             rays: [0; MAX_STACK],
-            rays_of: [None; RAY_TEST_HEIGHT + 1],
+            rays_of: [[0; 64]; RAY_TEST_HEIGHT + 1],
+            is_divided: [false; RAY_TEST_HEIGHT + 1],
             is_stale: [false; RAY_TEST_HEIGHT + 1],
         }
     }
@@ -188,8 +196,9 @@ impl<'d, S: Simd> Descent<'d, S> {
             let corner = child_corner(self.corners[height], bit, size);
             let mut rays = self.alive;
             if height <= RAY_TEST_HEIGHT {
-                rays = self.rays_of[height].map_or(self.rays[height], |of| of[bit as usize]);
-                if self.rays_of[height].is_none() || self.is_stale[height] {
+                let is_divided = self.is_divided[height];
+                rays = if is_divided { self.rays_of[height][bit as usize] } else { self.rays[height] };
+                if !is_divided || self.is_stale[height] {
                     rays = packet.lanes.crossing::<S, false>(self.columns.witness(), rays, corner, size);
                 }
                 if rays == 0 {
@@ -236,12 +245,13 @@ impl<'d, S: Simd> Descent<'d, S> {
     /// one of all rays against a child, whichever are fewer. Returns the children that are left.
     #[inline(always)]
     fn divide(&mut self, lanes: &Lanes, height: usize, rays: u64, corner: [f32; 3], candidates: u64) -> u64 {
-        if rays.count_ones() > candidates.count_ones() {
-            self.rays_of[height] = None;
+        self.is_divided[height] = rays.count_ones() <= candidates.count_ones();
+        if !self.is_divided[height] {
             return candidates;
         }
         self.is_stale[height] = false;
-        let of = self.rays_of[height].insert([0; 64]);
+        let of = &mut self.rays_of[height];
+        *of = [0; 64];
         let mut crossed = 0;
         for i in SetBits(rays) {
             let children =

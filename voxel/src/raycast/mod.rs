@@ -122,9 +122,11 @@ impl VoxelHit<'_> {
 /// Ordinal of the brick that holds a voxel, below the nodes of each height.
 #[inline]
 fn ordinal(dag: &DagRef, nodes: &[u32; MAX_STACK], voxel: [i32; 3]) -> u64 {
-    (1..=dag.height)
-        .map(|height| dag.bricks_before(height, nodes[height as usize], slot(voxel, 2 * height)))
-        .sum()
+    let mut before = 0;
+    for height in 1..=dag.height {
+        before += dag.bricks_before(height, nodes[height as usize], slot(voxel, 2 * height));
+    }
+    before
 }
 
 /// Its mask.

@@ -81,9 +81,15 @@ pub(super) fn cast<S: Simd>(
     let columns = Columns::new(simd);
     let mut nodes = [0u32; MAX_STACK];
     nodes[dag.height as usize] = root;
-    let apart = for_each_octant(simd, dag, packet, |packet, flip, tile, ready| {
-        trace(columns, dag, packet, &mut nodes, flip, tile, ready, footprint, visit)
-    });
+    let apart = for_each_octant(
+        simd,
+        dag,
+        packet,
+        #[inline(always)]
+        |packet, flip, tile, ready| {
+            trace(columns, dag, packet, &mut nodes, flip, tile, ready, footprint, visit)
+        },
+    );
     for i in SetBits(apart) {
         let i = i as usize;
         cast_alone(columns, dag, &packet.walks.get(i), &mut nodes, footprint, &mut |hit| visit(i, hit));
