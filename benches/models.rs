@@ -22,7 +22,7 @@ use voxsight::camera::{Camera, Projection};
 use voxsight::container::verify;
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::Silent;
-use voxsight::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query};
+use voxsight::visibility::{Accuracy, Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query};
 
 /// Worst errors over the cameras, and time, of one method.
 #[derive(Default)]
@@ -86,7 +86,11 @@ fn measure(loaded: &LoadedScene, size: u32) -> [Row; 3] {
         let rays = camera.rays().unwrap();
         let scene = loaded.query();
         // The reference begins after the answers' sample: they share no ray.
-        let fine = QuerySettings { rays_per_pixel: 16, first_sample: 1, ..QuerySettings::default() };
+        let fine = QuerySettings {
+            rays_per_pixel: RaysPerPixel::rays(16),
+            first_sample: 1,
+            ..QuerySettings::default()
+        };
         let reference = query(&scene, &rays, Method::Exact, &fine);
         let pixels = u64::from(size) * u64::from(size);
         let compare =

@@ -29,7 +29,7 @@ use voxsight::occlusion::raster::{DepthImage, Rasterizer};
 use voxsight::progress::Silent;
 use voxsight::sample::{PlantSettings, plant};
 use voxsight::visibility::culling::{CulledFrame, Culling};
-use voxsight::visibility::{Method, QuerySettings, VisibleSet, accuracy, query};
+use voxsight::visibility::{Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query};
 
 struct Options {
     size: u32,
@@ -178,7 +178,7 @@ fn raster(
 fn methods(options: &Options, scene: &Arc<OcclusionScene>, loaded: &LoadedScene, rays: &CameraRays) {
     let (exact, (width, height)) = (loaded.query().exact, rays.size());
     let pixels = u64::from(width) * u64::from(height);
-    let settings = QuerySettings { rays_per_pixel: 16, ..QuerySettings::default() };
+    let settings = QuerySettings { rays_per_pixel: RaysPerPixel::rays(16), ..QuerySettings::default() };
     let reference = query(&loaded.query(), rays, Method::Exact, &settings);
     let centres = query(&loaded.query(), rays, Method::Exact, &QuerySettings::default());
     let frustum = query(&loaded.query(), rays, Method::Frustum, &QuerySettings::default());

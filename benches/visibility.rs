@@ -27,7 +27,7 @@ use std::time::Instant;
 use voxsight::camera::{Camera, CameraRays, Projection};
 use voxsight::loaded::LoadedScene;
 use voxsight::sample::{PlantSettings, plant};
-use voxsight::visibility::{Method, QuerySettings, VisibleSet, accuracy, query};
+use voxsight::visibility::{Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query};
 
 use rivals::Rivals;
 use views::views;
@@ -129,7 +129,7 @@ fn run(options: &Options, path: &Path) {
         let rays = camera(&view.camera, options.size);
         let ask = |method, settings: &QuerySettings| query(&scene, &rays, method, settings);
         let once = QuerySettings::default();
-        let fine = QuerySettings { rays_per_pixel: 16, first_sample: 1, ..once };
+        let fine = QuerySettings { rays_per_pixel: RaysPerPixel::rays(16), first_sample: 1, ..once };
         let reference = ask(Method::Exact, &fine);
         let lost = |answer: &VisibleSet| {
             100.0 * accuracy(&reference, answer, pixels, |d| scene.exact.triangle_count(d)).lost_pixels

@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use voxsight::lab::methods::{MethodKind, RaysPerPixel, Variant};
+use voxsight::lab::methods::{MethodKind, Variant};
 use voxsight::lab::report::{Report, ReportSettings};
 use voxsight::lab::run::{Contestant, RunSettings, run};
 use voxsight::lab::space::Space;
@@ -12,6 +12,7 @@ use voxsight::lab::views::{ViewSettings, random_views};
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::Silent;
 use voxsight::scene::Scene;
+use voxsight::visibility::RaysPerPixel;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let file = std::env::args_os().nth(1).ok_or("usage: occlusion_accuracy SCENE.vxs")?;
@@ -23,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut contestants = Vec::new();
     for name in ["voxel", "hybrid", "exact"] {
         // Anything that implements `Culling` can take part.
-        let culling = MethodKind::named(name)?.make(scene, RaysPerPixel::ONE)?;
+        let culling = MethodKind::named(name)?.make(scene, RaysPerPixel::ONE);
         let rays_per_pixel = Some(RaysPerPixel::ONE);
         let variant = Variant { method: name.into(), rays_per_pixel, resolution: None };
         contestants.push(Contestant { variant, scene, culling });

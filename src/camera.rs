@@ -192,7 +192,7 @@ impl Camera {
 }
 
 /// The rays of a checked camera. Directions have length 1 along the view, so that `t` is the depth.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraRays {
     eye: DVec3,
     forward: DVec3,

@@ -12,7 +12,7 @@ use glam::DVec3;
 use serde_json::Value;
 use voxsight::camera::{Camera, CameraRays};
 use voxsight::lab::lost::lost_samples;
-use voxsight::lab::methods::{MethodKind, RaysPerPixel, Variant};
+use voxsight::lab::methods::{MethodKind, Variant};
 use voxsight::lab::picture::lost_samples_by_pixel;
 use voxsight::lab::report::{Report, ReportSettings};
 use voxsight::lab::run::{Contestant, FIRST_REFERENCE_SAMPLE, LabError, RunSettings, run};
@@ -22,7 +22,7 @@ use voxsight::lab::walk::{STEP, walk};
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::{Progress, Silent};
 use voxsight::visibility::culling::{CulledFrame, Culling, StageTime};
-use voxsight::visibility::{Method, QueryScene, QuerySettings, query, sample_offset};
+use voxsight::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, query, sample_offset};
 
 // --- The command ---
 
@@ -435,7 +435,7 @@ impl Culling for Forgetful {
     fn frame(&mut self, scene: &QueryScene, camera: &CameraRays, _: &dyn Progress) -> Option<CulledFrame> {
         self.frames += 1;
         let fine = QuerySettings {
-            rays_per_pixel: 16,
+            rays_per_pixel: RaysPerPixel::rays(16),
             first_sample: FIRST_REFERENCE_SAMPLE,
             ..QuerySettings::default()
         };
@@ -474,7 +474,7 @@ fn a_method_that_drops_one_part_is_told_on_with_its_name_and_pixels() {
     let (loaded, views) = random_scene(11, folder.path());
     let scenes = [loaded];
     let [loaded] = &scenes;
-    let settings = RunSettings { reference_rays: 16, repeats: 2 };
+    let settings = RunSettings { reference_rays: 16, repeats: 2, frames_a_view: 1 };
     // An object that all views see.
     let object_of = |drawable| loaded.scene().drawable_object(drawable);
     let seen: Vec<BTreeMap<u32, u64>> = views
@@ -489,7 +489,7 @@ fn a_method_that_drops_one_part_is_told_on_with_its_name_and_pixels() {
     let drawables = loaded.scene().object_drawables(object);
     let culling = Box::new(Forgetful { object, drawables, frames: 100 });
     let name = loaded.scene().node_path(loaded.scene().objects()[culling.object as usize].node);
-    let exact = MethodKind::named("exact").unwrap().make(loaded, RaysPerPixel::ONE).unwrap();
+    let exact = MethodKind::named("exact").unwrap().make(loaded, RaysPerPixel::ONE);
     let mut contestants = [
         Contestant { variant: variant("forgetful"), scene: loaded, culling },
         Contestant { variant: variant("exact"), scene: loaded, culling: exact },
@@ -621,7 +621,7 @@ fn a_run_that_compares_nothing_is_refused() {
     let contestant = || Contestant {
         variant: variant("frustum"),
         scene: &loaded,
-        culling: MethodKind::named("frustum").unwrap().make(&loaded, RaysPerPixel::ONE).unwrap(),
+        culling: MethodKind::named("frustum").unwrap().make(&loaded, RaysPerPixel::ONE),
     };
     let good = RunSettings::default();
     let refused = |views: &[View], contestants: &mut [Contestant], settings: RunSettings| {

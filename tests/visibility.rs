@@ -8,7 +8,7 @@ use glam::DVec3;
 use voxsight::camera::{Camera, Plane, Projection};
 use voxsight::loaded::LoadedScene;
 use voxsight::scene::Scene;
-use voxsight::visibility::{Method, QuerySettings, VisibleSet, accuracy, query};
+use voxsight::visibility::{Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query};
 
 /// A hit is a tie when the next object is no farther behind it than this fraction of the distance: coplanar faces.
 const TIE: f64 = 1e-9;
@@ -30,6 +30,7 @@ fn cameras(loaded: &LoadedScene, size: (u32, u32)) -> Vec<Camera> {
 }
 
 fn ask(loaded: &LoadedScene, camera: &Camera, method: Method, rays_per_pixel: u32) -> VisibleSet {
+    let rays_per_pixel = RaysPerPixel::rays(rays_per_pixel);
     let settings = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
     query(&loaded.query(), &camera.rays().unwrap(), method, &settings)
 }
@@ -139,7 +140,11 @@ fn voxel_misses_little_and_frustum_misses_nothing() {
     build_model(random_model(5, 100, DVec3::ZERO), 11, &path);
     let loaded = load(&path);
     for camera in cameras(&loaded, (200, 150)) {
-        let fine = QuerySettings { rays_per_pixel: 4, first_sample: 1, ..QuerySettings::default() };
+        let fine = QuerySettings {
+            rays_per_pixel: RaysPerPixel::rays(4),
+            first_sample: 1,
+            ..QuerySettings::default()
+        };
         let reference = query(&loaded.query(), &camera.rays().unwrap(), Method::Exact, &fine);
         let check = |method| accuracy(&reference, &ask(&loaded, &camera, method, 1), 200 * 150, |_| 1);
         let voxel = check(Method::Voxel);

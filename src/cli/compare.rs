@@ -13,7 +13,7 @@ use super::progress::TerminalProgress;
 use crate::lab::csv::frames_csv;
 use crate::lab::folder::{REPORT_JSON, check_folder, write_folder};
 use crate::lab::keyframes::CameraPath;
-use crate::lab::methods::{FLOOR, MethodKind, RaysPerPixel, Variant};
+use crate::lab::methods::{FLOOR, MethodKind, Variant};
 use crate::lab::page::{PageParts, WorstPage, page, percent};
 use crate::lab::picture::{WorstPictures, at_most_wide, worst_pictures};
 use crate::lab::plots::{pareto, spread, stages};
@@ -25,6 +25,7 @@ use crate::lab::walk::walk;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::scene::Scene;
+use crate::visibility::RaysPerPixel;
 
 /// Width of pictures in the page; the files beside it have the size of the views.
 const PAGE_PICTURE_WIDTH: u32 = 640;
@@ -64,6 +65,9 @@ pub struct Compare {
     /// Passes over all views; the median time counts
     #[arg(long, default_value = "3", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
+    /// Frames that each view is shown; methods that keep what they found are judged and timed by the last
+    #[arg(long, default_value = "1", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    still: u32,
     /// Folder for the report: new, empty, or with an earlier report
     #[arg(long, short, alias = "out", value_name = "FOLDER")]
     output: PathBuf,
@@ -86,7 +90,11 @@ impl Compare {
         let Some(first) = scenes.first() else { return Err("no scene was named".into()) };
 
         let (views, rejected) = self.draw_views(path, first)?;
-        let settings = RunSettings { reference_rays: self.reference_rays, repeats: self.repeats };
+        let settings = RunSettings {
+            reference_rays: self.reference_rays,
+            repeats: self.repeats,
+            frames_a_view: self.still,
+        };
         let outcome = run(first, &views, &mut contestants, &settings, progress)?;
         let report_settings =
             ReportSettings { views: self.source(), is_path: self.is_path(), seed: self.seed, run: settings };
@@ -124,7 +132,7 @@ impl Compare {
             let rays = if kind.takes_rays { self.rays.as_slice() } else { &[RaysPerPixel::ONE] };
             for scene in scenes {
                 for &rays in rays {
-                    let culling = kind.make(scene, rays)?;
+                    let culling = kind.make(scene, rays);
                     let variant = Variant {
                         method: culling.name(),
                         rays_per_pixel: kind.takes_rays.then_some(rays),

@@ -21,7 +21,7 @@ use crate::render::{Light, RenderSettings, Shadows, render};
 use crate::report::Findings;
 use crate::sample::{PlantSettings, SampleCamera, cameras, plant};
 use crate::scene::Scene;
-use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query_until};
+use crate::visibility::{Accuracy, Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query_until};
 
 /// Rays per pixel of the reference.
 const REFERENCE_RAYS: u32 = 16;
@@ -108,7 +108,11 @@ fn compare(loaded: &LoadedScene, rays: &CameraRays, progress: &dyn Progress) -> 
     let pixels = u64::from(width) * u64::from(height);
     progress.stage("reference query, 16 rays per pixel", pixels, "pixels");
     // Rays of its own: none is shared with the answers.
-    let fine = QuerySettings { rays_per_pixel: REFERENCE_RAYS, first_sample: 1, ..QuerySettings::default() };
+    let fine = QuerySettings {
+        rays_per_pixel: RaysPerPixel::rays(REFERENCE_RAYS),
+        first_sample: 1,
+        ..QuerySettings::default()
+    };
     let reference = query_until(&scene, rays, Method::Exact, &fine, progress).ok_or("stopped")?;
     let mut rows = Vec::new();
     for method in [Method::Frustum, Method::Voxel, Method::Hybrid, Method::Exact] {

@@ -7,7 +7,6 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::Failure;
-use super::numbers::parse_rays;
 use super::output::{check_output, human_count, print_out, write_json};
 use super::progress::TerminalProgress;
 use super::render::camera_or_overview;
@@ -15,7 +14,7 @@ use crate::camera::CameraRays;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::visibility::{Accuracy, Method, QuerySettings, VisibleSet, accuracy, query_until};
+use crate::visibility::{Accuracy, Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query_until};
 
 /// Rays per pixel of the reference that `--check` compares with.
 const REFERENCE_RAYS_PER_PIXEL: u32 = 16;
@@ -38,12 +37,12 @@ pub struct Visible {
     /// How visibility is found
     #[arg(long, default_value = "hybrid")]
     method: MethodName,
-    /// Rays per pixel
-    #[arg(long, default_value = "1", value_parser = parse_rays, value_name = "N")]
-    rays_per_pixel: u32,
-    /// hybrid: accept a voxel without asking its triangles when it is smaller than so many pixels
-    #[arg(long, value_name = "PX")]
-    accept_below: Option<f64>,
+    /// Rays per pixel, such as 4 or 1/16
+    #[arg(long, default_value = "1", value_name = "N")]
+    rays_per_pixel: RaysPerPixel,
+    /// Beyond the first ray per pixel, spend rays only where drawables change
+    #[arg(long)]
+    adaptive: bool,
     /// Another seed is another jitter of the rays; 0: the first ray goes through the middle of its pixel
     #[arg(long, default_value = "0", value_name = "N")]
     seed: u16,
@@ -77,13 +76,6 @@ impl From<MethodName> for Method {
 impl Visible {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         let method = Method::from(self.method);
-        let accept_below_px = self.accept_below.unwrap_or(0.0);
-        if !(accept_below_px >= 0.0 && accept_below_px.is_finite()) {
-            return Err("--accept-below takes a number of pixels, 0 or more".into());
-        }
-        if self.accept_below.is_some() && method != Method::Hybrid {
-            return Err("--accept-below is for --method hybrid only".into());
-        }
         for output in self.json.iter().chain(&self.save_camera) {
             check_output(output, "json")?;
         }
@@ -94,8 +86,9 @@ impl Visible {
             write_json(path, &camera)?;
         }
         let loaded = LoadedScene::new(scene, progress)?;
-        let first_sample = u32::from(self.seed).saturating_mul(self.rays_per_pixel);
-        let settings = QuerySettings { rays_per_pixel: self.rays_per_pixel, first_sample, accept_below_px };
+        let first_sample = u32::from(self.seed).saturating_mul(self.rays_per_pixel.samples());
+        let settings =
+            QuerySettings { rays_per_pixel: self.rays_per_pixel, first_sample, adaptive: self.adaptive };
 
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         progress.stage("query", pixels, "pixels");
@@ -106,7 +99,7 @@ impl Visible {
             false => None,
             true => {
                 progress.stage("reference", pixels, "pixels");
-                let next_sample = first_sample.saturating_add(self.rays_per_pixel);
+                let next_sample = first_sample.saturating_add(self.rays_per_pixel.samples());
                 Some(check(&loaded, &rays, &answer, next_sample, progress).ok_or(STOPPED)?)
             }
         };
@@ -177,8 +170,11 @@ fn check(
     first_sample: u32,
     progress: &dyn Progress,
 ) -> Option<Accuracy> {
-    let settings =
-        QuerySettings { rays_per_pixel: REFERENCE_RAYS_PER_PIXEL, first_sample, ..QuerySettings::default() };
+    let settings = QuerySettings {
+        rays_per_pixel: RaysPerPixel::rays(REFERENCE_RAYS_PER_PIXEL),
+        first_sample,
+        ..QuerySettings::default()
+    };
     let scene = loaded.query();
     let reference = query_until(&scene, rays, Method::Exact, &settings, progress)?;
     let (width, height) = rays.size();

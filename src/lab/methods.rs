@@ -1,17 +1,17 @@
 //! What can be compared: one line a method.
 
 use std::fmt;
-use std::str::FromStr;
 use std::sync::Arc;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use crate::loaded::LoadedScene;
 use crate::occlusion::OcclusionScene;
 use crate::occlusion::hzb::{Hzb, HzbSettings};
 use crate::occlusion::hzm::{Hzm, HzmSettings};
+use crate::visibility::coherent::{CoherentQuery, CoherentSettings};
 use crate::visibility::culling::{Culling, FreshQuery};
-use crate::visibility::{Method, QuerySettings};
+use crate::visibility::{Method, QuerySettings, RaysPerPixel};
 
 /// A kind of culling and how to make one.
 pub struct MethodKind {
@@ -27,35 +27,41 @@ pub struct MethodKind {
 }
 
 /// Makes a method for a scene.
-type Make = fn(&LoadedScene, RaysPerPixel) -> Result<Box<dyn Culling>, MethodError>;
+type Make = fn(&LoadedScene, RaysPerPixel) -> Box<dyn Culling>;
 
 /// Every method. Adding one is a line here.
 #[rustfmt::skip]
 pub static METHODS: &[MethodKind] = &[
-    MethodKind { name: "frustum", about: "boxes against the view pyramid, no occlusion", takes_rays: false, uses_voxels: false, make: |_, _| fresh(Method::Frustum, RaysPerPixel::ONE) },
-    MethodKind { name: "voxel", about: "the first occupied voxel along each ray wins", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Voxel, rays) },
-    MethodKind { name: "hybrid", about: "voxels propose, their triangles decide", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Hybrid, rays) },
+    MethodKind { name: "frustum", about: "boxes against the view pyramid, no occlusion", takes_rays: false, uses_voxels: false, make: |_, _| fresh(Method::Frustum, RaysPerPixel::ONE, false) },
+    MethodKind { name: "voxel", about: "the first occupied voxel along each ray wins", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Voxel, rays, false) },
+    MethodKind { name: "hybrid", about: "voxels propose, their triangles decide", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Hybrid, rays, false) },
+    MethodKind { name: "adaptive", about: "hybrid, whose rays beyond the first a pixel go where drawables change", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Hybrid, rays, true) },
+    MethodKind { name: "coherent", about: "hybrid, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, make: |_, rays| coherent(Method::Hybrid, rays) },
+    MethodKind { name: "coherent-voxel", about: "voxel, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, make: |_, rays| coherent(Method::Voxel, rays) },
     MethodKind { name: "hzm", about: "boxes against the depth of a few good occluders (Peng and Cao 2013)", takes_rays: false, uses_voxels: false, make: hzm },
     MethodKind { name: "hzb", about: "boxes against the depth of what the last frame saw, in two passes", takes_rays: false, uses_voxels: false, make: hzb },
-    MethodKind { name: "exact", about: "rays against all triangles", takes_rays: true, uses_voxels: false, make: |_, rays| fresh(Method::Exact, rays) },
+    MethodKind { name: "exact", about: "rays against all triangles", takes_rays: true, uses_voxels: false, make: |_, rays| fresh(Method::Exact, rays, false) },
 ];
 
 /// The method that is the sampling floor: the truth at the same rays.
 pub const FLOOR: &str = "exact";
 
-fn hzm(scene: &LoadedScene, _: RaysPerPixel) -> Result<Box<dyn Culling>, MethodError> {
+fn hzm(scene: &LoadedScene, _: RaysPerPixel) -> Box<dyn Culling> {
     let exact = scene.query().exact;
-    Ok(Box::new(Hzm::new(Arc::new(OcclusionScene::new(exact)), exact, HzmSettings::default())))
+    Box::new(Hzm::new(Arc::new(OcclusionScene::new(exact)), exact, HzmSettings::default()))
 }
 
-fn hzb(scene: &LoadedScene, _: RaysPerPixel) -> Result<Box<dyn Culling>, MethodError> {
-    Ok(Box::new(Hzb::new(Arc::new(OcclusionScene::new(scene.query().exact)), HzbSettings::default())))
+fn hzb(scene: &LoadedScene, _: RaysPerPixel) -> Box<dyn Culling> {
+    Box::new(Hzb::new(Arc::new(OcclusionScene::new(scene.query().exact)), HzbSettings::default()))
 }
 
-fn fresh(method: Method, rays: RaysPerPixel) -> Result<Box<dyn Culling>, MethodError> {
-    let rays_per_pixel = rays.whole().ok_or(MethodError::BelowOne(rays))?;
-    let settings = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
-    Ok(Box::new(FreshQuery { method, settings }))
+fn fresh(method: Method, rays: RaysPerPixel, adaptive: bool) -> Box<dyn Culling> {
+    let settings = QuerySettings { rays_per_pixel: rays, adaptive, ..QuerySettings::default() };
+    Box::new(FreshQuery { method, settings })
+}
+
+fn coherent(method: Method, rays: RaysPerPixel) -> Box<dyn Culling> {
+    Box::new(CoherentQuery::new(CoherentSettings::new(method, rays)))
 }
 
 impl MethodKind {
@@ -69,11 +75,7 @@ impl MethodKind {
     }
 
     /// Makes one for a scene. Rays per pixel do not matter where the method takes none.
-    ///
-    /// # Errors
-    ///
-    /// It cannot work with so few rays.
-    pub fn make(&self, scene: &LoadedScene, rays: RaysPerPixel) -> Result<Box<dyn Culling>, MethodError> {
+    pub fn make(&self, scene: &LoadedScene, rays: RaysPerPixel) -> Box<dyn Culling> {
         (self.make)(scene, rays)
     }
 }
@@ -84,62 +86,6 @@ pub enum MethodError {
     /// No method of this name.
     #[error("there is no method \"{0}\"; there are {names}", names = METHODS.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", "))]
     Unknown(String),
-    /// Less than a ray per pixel needs coherence over frames.
-    #[error(
-        "{0} rays per pixel: below 1 needs coherence over frames, which no method has yet; use 1 or more"
-    )]
-    BelowOne(RaysPerPixel),
-}
-
-/// Rays per pixel: N rays a pixel, or one ray every N pixels (`1/N`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RaysPerPixel {
-    rays: u32,
-    /// 1 unless `rays` is.
-    pixels: u32,
-}
-
-impl RaysPerPixel {
-    /// One.
-    pub const ONE: Self = RaysPerPixel { rays: 1, pixels: 1 };
-    /// As many as any command takes.
-    const MOST: u32 = 65_536;
-
-    /// As a number.
-    pub fn get(self) -> f64 {
-        f64::from(self.rays) / f64::from(self.pixels)
-    }
-
-    /// As a whole number; `None` below 1.
-    pub fn whole(self) -> Option<u32> {
-        (self.pixels == 1).then_some(self.rays)
-    }
-}
-
-impl FromStr for RaysPerPixel {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (rays, pixels) = text.trim().split_once('/').unwrap_or((text.trim(), "1"));
-        match (rays.trim().parse(), pixels.trim().parse()) {
-            (Ok(rays), Ok(1)) if (1..=Self::MOST).contains(&rays) => Ok(RaysPerPixel { rays, pixels: 1 }),
-            (Ok(1), Ok(pixels)) if (1..=Self::MOST).contains(&pixels) => Ok(RaysPerPixel { rays: 1, pixels }),
-            _ => Err(format!("expected rays per pixel such as 4, 1 or 1/16, found \"{text}\"")),
-        }
-    }
-}
-
-impl fmt::Display for RaysPerPixel {
-    fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
-        if self.pixels == 1 { write!(to, "{}", self.rays) } else { write!(to, "1/{}", self.pixels) }
-    }
-}
-
-impl Serialize for RaysPerPixel {
-    /// As a number, for programs that plot.
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_f64(self.get())
-    }
 }
 
 /// A method with its parameters: a point of a curve.
@@ -176,19 +122,6 @@ impl fmt::Display for Variant {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rays_per_pixel_are_whole_or_a_fraction_of_one() {
-        for (text, value, shown) in
-            [("4", 4.0, "4"), (" 1/16 ", 0.0625, "1/16"), ("1/1", 1.0, "1"), ("65536", 65536.0, "65536")]
-        {
-            let rays: RaysPerPixel = text.parse().unwrap();
-            assert_eq!((rays.get(), rays.to_string().as_str()), (value, shown), "{text}");
-        }
-        for bad in ["0", "1/0", "-1", "3/4", "0.5", "1/", "", "65537", "1/65537", "many"] {
-            assert!(bad.parse::<RaysPerPixel>().unwrap_err().contains("1/16"), "{bad}");
-        }
-    }
 
     #[test]
     fn every_method_has_a_name_of_its_own() {

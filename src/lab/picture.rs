@@ -27,7 +27,7 @@ pub fn lost_samples_by_pixel(
     let is_lost = |drawable: u32| u32::from(!answer.visible[drawable as usize]);
     let pixel = |column: u32, row: u32| {
         let (mut lost, mut through) = (0, Vec::new());
-        for sample in 0..reference.rays_per_pixel {
+        for sample in 0..reference.rays_per_pixel.samples() {
             let (x, y) = sample_offset(reference.first_sample + sample);
             through.clear();
             let ray = camera.ray(f64::from(column) + x, f64::from(row) + y);
@@ -89,9 +89,8 @@ pub fn worst_pictures(
     let drawn = RenderScene { query: QueryScene { filter: &filter, ..scene.query() }, ..scene.picture() };
     let drawn = render(&drawn, camera, &settings, progress)?;
 
-    let share = |x: u32, y: u32| {
-        f64::from(lost[(y * camera.size().0 + x) as usize]) / f64::from(reference.rays_per_pixel)
-    };
+    let share =
+        |x: u32, y: u32| f64::from(lost[(y * camera.size().0 + x) as usize]) / reference.rays_per_pixel.get();
     let corner = densest(&lost, camera.size());
     let side = detail_side(camera.size());
     let part = |image: &RgbImage| {

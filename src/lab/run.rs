@@ -14,7 +14,9 @@ use crate::camera::{CameraError, CameraRays};
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::visibility::culling::{CulledFrame, Culling, StageTime};
-use crate::visibility::{Accuracy, Method, QueryScene, QuerySettings, VisibleSet, accuracy, query_until};
+use crate::visibility::{
+    Accuracy, Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query_until,
+};
 
 /// Jitter of the reference begins here ([`QuerySettings::first_sample`]): past what any answer uses, even over a long
 /// path with a new jitter every frame, so that they share no ray.
@@ -31,11 +33,13 @@ pub struct RunSettings {
     pub reference_rays: u32,
     /// Passes over all views; the median time of each view counts. At least 1.
     pub repeats: u32,
+    /// Frames that each view is shown, at least 1: a method that keeps what it found is judged and timed by the last.
+    pub frames_a_view: u32,
 }
 
 impl Default for RunSettings {
     fn default() -> Self {
-        RunSettings { reference_rays: LEAST_REFERENCE_RAYS, repeats: 3 }
+        RunSettings { reference_rays: LEAST_REFERENCE_RAYS, repeats: 3, frames_a_view: 1 }
     }
 }
 
@@ -43,7 +47,7 @@ impl RunSettings {
     /// The query that is the truth.
     pub fn reference_query(&self) -> QuerySettings {
         QuerySettings {
-            rays_per_pixel: self.reference_rays,
+            rays_per_pixel: RaysPerPixel::rays(self.reference_rays),
             first_sample: FIRST_REFERENCE_SAMPLE,
             ..QuerySettings::default()
         }
@@ -186,11 +190,16 @@ pub fn run(
                 if view.starts_anew {
                     contestant.culling.reset();
                 }
-                let frame = contestant
-                    .culling
-                    .frame(&query, camera, &Quiet(progress))
-                    .filter(|_| !progress.is_cancelled())
-                    .ok_or(LabError::Cancelled)?;
+                let culling = &mut contestant.culling;
+                let before = if culling.keeps_state() { settings.frames_a_view - 1 } else { 0 };
+                let mut next = || {
+                    let frame = culling.frame(&query, camera, &Quiet(progress));
+                    frame.filter(|_| !progress.is_cancelled()).ok_or(LabError::Cancelled)
+                };
+                for _ in 0..before {
+                    next()?;
+                }
+                let frame = next()?;
                 if pass == 0 {
                     sheet.judge(scene, camera, &references[index], &frame, settings);
                 }
@@ -215,6 +224,9 @@ fn check(
 ) -> Result<(), LabError> {
     if settings.reference_rays < LEAST_REFERENCE_RAYS {
         return Err(LabError::Settings("a reference has at least 16 rays per pixel"));
+    }
+    if settings.frames_a_view == 0 {
+        return Err(LabError::Settings("a view is shown for at least one frame"));
     }
     if settings.repeats == 0 {
         return Err(LabError::Settings("a comparison needs at least one pass"));

@@ -89,6 +89,10 @@ impl Culling for Hzb {
         self.last.clear();
     }
 
+    fn keeps_state(&self) -> bool {
+        true
+    }
+
     fn frame(
         &mut self,
         scene: &QueryScene,

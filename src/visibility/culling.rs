@@ -14,6 +14,11 @@ pub trait Culling: Send {
     /// Forgets the frames before: the next one is a first one.
     fn reset(&mut self) {}
 
+    /// Does a frame depend on the frames before?
+    fn keeps_state(&self) -> bool {
+        false
+    }
+
     /// What the camera sees; `None` when cancelled.
     fn frame(
         &mut self,
@@ -70,6 +75,7 @@ impl Culling for FreshQuery {
             Method::Frustum => "frustum",
             Method::Exact => "exact",
             Method::Voxel => "voxel",
+            Method::Hybrid if self.settings.adaptive => "adaptive",
             Method::Hybrid => "hybrid",
         }
         .to_owned()

@@ -6,9 +6,10 @@
 
 use voxsight_voxel::raycast::{PACKET_RAYS, PacketBrick, RayCaster, RayEnds, RayPacket};
 
+use super::tally::{Passed, Tally};
 use super::voxel::grid_ray;
-use super::{QueryScene, RayQuery, VisibleSet};
-use crate::exact::{TriangleHit, TriangleRays};
+use super::{QueryScene, RayQuery};
+use crate::exact::TriangleRays;
 use crate::ray::Ray;
 
 pub(super) struct HybridQuery<'a> {
@@ -19,11 +20,11 @@ pub(super) struct HybridQuery<'a> {
 pub(super) struct HybridScratch {
     packet: RayPacket,
     triangles: TriangleRays,
-    tile: Tile,
+    tile: TileHits,
 }
 
 /// What is known of the rays of a tile on their way.
-struct Tile {
+struct TileHits {
     /// For each drawable the last tile that asked its triangles.
     asked: Vec<u32>,
     /// Number of this tile.
@@ -33,8 +34,8 @@ struct Tile {
     opaque: [u32; PACKET_RAYS],
     /// Half a voxel in t: a hit on the very border of its voxel may lie before it by rounding.
     slack: [f64; PACKET_RAYS],
-    /// Hits with transparent drawables: ray and where.
-    through: Vec<(u32, u32, f64)>,
+    /// Hits with transparent drawables.
+    through: Vec<Passed>,
 }
 
 /// No drawable.
@@ -45,7 +46,7 @@ impl Default for HybridScratch {
         HybridScratch {
             packet: RayPacket::default(),
             triangles: TriangleRays::default(),
-            tile: Tile {
+            tile: TileHits {
                 asked: Vec::new(),
                 number: 0,
                 t: [0.0; PACKET_RAYS],
@@ -63,9 +64,15 @@ impl<'a> HybridQuery<'a> {
     }
 
     /// A brick on the way of some rays.
-    fn meet(&self, tile: &mut Tile, triangles: &mut TriangleRays, brick: &PacketBrick, ends: &mut RayEnds) {
+    fn meet(
+        &self,
+        tile: &mut TileHits,
+        triangles: &mut TriangleRays,
+        brick: &PacketBrick,
+        ends: &mut RayEnds,
+    ) {
         let QueryScene { exact, filter, .. } = self.scene;
-        for owner in self.scene.owners.of_brick(brick.ordinal(), brick.mask()).all() {
+        for owner in self.scene.owners.all_of_brick(brick.ordinal()) {
             if tile.asked[owner as usize] == tile.number || filter.is_hidden(owner) {
                 continue;
             }
@@ -74,7 +81,7 @@ impl<'a> HybridQuery<'a> {
             let met = exact.closest_of_packet(owner, triangles, triangles.all(), &mut t);
             for ray in (0..PACKET_RAYS).filter(|ray| met >> ray & 1 != 0) {
                 if exact.is_transparent(owner) {
-                    tile.through.push((ray as u32, owner, t[ray]));
+                    tile.through.push(Passed { ray, drawable: owner, t: t[ray] });
                 } else if t[ray] < tile.t[ray] || owner < tile.opaque[ray] {
                     tile.t[ray] = t[ray];
                     tile.opaque[ray] = owner;
@@ -88,7 +95,7 @@ impl<'a> HybridQuery<'a> {
 impl<'a> RayQuery for HybridQuery<'a> {
     type Scratch = HybridScratch;
 
-    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut HybridScratch) {
+    fn trace(&self, rays: &[Ray], tally: &mut Tally, scratch: &mut HybridScratch) {
         let HybridScratch { packet, triangles, tile } = scratch;
         tile.asked.resize(self.scene.exact.drawable_count() as usize, 0);
         tile.number = tile.number.wrapping_add(1);
@@ -105,18 +112,9 @@ impl<'a> RayQuery for HybridQuery<'a> {
         }
         RayCaster::new(self.scene.dag)
             .cast_bricks(packet, |brick, ends| self.meet(tile, triangles, brick, ends));
-        let mut through = Vec::new();
-        for ray in 0..rays.len() {
-            let first = (tile.opaque[ray] != NOBODY).then_some((tile.opaque[ray], tile.t[ray]));
-            through.clear();
-            through.extend(
-                tile.through.iter().filter(|hit| hit.0 == ray as u32).map(|&(_, drawable, t)| TriangleHit {
-                    t,
-                    drawable,
-                    triangle: 0,
-                }),
-            );
-            found.count_ray(&through, first);
+        for (number, ray) in rays.iter().enumerate() {
+            let first = (tile.opaque[number] != NOBODY).then_some((tile.opaque[number], tile.t[number]));
+            tally.count_ray(number, ray, &tile.through, first);
         }
         tile.through.clear();
     }

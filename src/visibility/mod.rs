@@ -9,10 +9,14 @@
 //! - `exact`: triangles only, the reference.
 
 mod accuracy;
+pub mod coherent;
 pub mod culling;
+mod exact;
 mod frustum;
 mod hybrid;
 mod sampling;
+mod source;
+mod tally;
 mod voxel;
 
 use std::collections::BTreeMap;
@@ -26,13 +30,15 @@ use voxsight_voxel::grid::Grid;
 use voxsight_voxel::raycast::PACKET_RAYS;
 
 pub use accuracy::{Accuracy, ClassError, accuracy};
-pub use sampling::{PixelRay, for_each_pixel_ray, sample_offset};
+pub use sampling::{PixelRay, RayGrid, RaysPerPixel, Tile, for_each_pixel_ray, sample_offset};
 
 use crate::camera::CameraRays;
-use crate::exact::{ExactScene, TriangleHit};
+use crate::exact::ExactScene;
 use crate::filter::Filter;
 use crate::progress::{Progress, Silent};
 use crate::ray::Ray;
+use source::{ImageRays, RaySource};
+use tally::Tally;
 
 /// How visibility is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -51,19 +57,19 @@ pub enum Method {
 /// Settings of a query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuerySettings {
-    /// Rays per pixel, at least 1.
-    pub rays_per_pixel: u32,
+    /// Rays per pixel.
+    pub rays_per_pixel: RaysPerPixel,
     /// Where the jitter begins ([`sample_offset`]). 0: the first ray goes through the pixel's middle. Another frame, or a
     /// reference that shall share no ray with the answer, begins after the last.
     pub first_sample: u32,
-    /// `hybrid` accepts a voxel without asking its triangles when the voxel is smaller than this many pixels at its
-    /// distance. 0: always ask, which gives what `exact` gives.
-    pub accept_below_px: f64,
+    /// Spend rays where drawables change: a tile of 8x8 cells in which the first sample of every cell met the same one
+    /// drawable, or nothing, gets no more; that sample counts for all.
+    pub adaptive: bool,
 }
 
 impl Default for QuerySettings {
     fn default() -> Self {
-        QuerySettings { rays_per_pixel: 1, first_sample: 0, accept_below_px: 0.0 }
+        QuerySettings { rays_per_pixel: RaysPerPixel::ONE, first_sample: 0, adaptive: false }
     }
 }
 
@@ -82,6 +88,17 @@ pub struct QueryScene<'a> {
     pub filter: &'a Filter,
     /// World-space boxes of the objects and the range of their drawables, for `frustum`.
     pub object_boxes: &'a [(DVec3, DVec3, Range<u32>)],
+}
+
+impl QueryScene<'_> {
+    /// World-space box of the object that a drawable is of.
+    pub fn object_box(&self, drawable: u32) -> (DVec3, DVec3) {
+        // Objects are in the order of their drawables.
+        let object = self.object_boxes.partition_point(|(_, _, drawables)| drawables.end <= drawable);
+        self.object_boxes
+            .get(object)
+            .map_or((DVec3::NEG_INFINITY, DVec3::INFINITY), |&(min, max, _)| (min, max))
+    }
 }
 
 /// The answer of a query.
@@ -106,27 +123,6 @@ impl VisibleSet {
             samples: vec![0; drawables as usize],
             visible: vec![false; drawables as usize],
         }
-    }
-
-    /// One more sample.
-    fn count(&mut self, drawable: u32) {
-        let samples = &mut self.samples[drawable as usize];
-        *samples = samples.saturating_add(1);
-        self.visible[drawable as usize] = true;
-    }
-
-    /// Counts what one ray met: its first opaque drawable and, of the transparent hits, those before it.
-    fn count_ray(&mut self, through: &[TriangleHit], first_opaque: Option<(u32, f64)>) {
-        let end = first_opaque.map_or(f64::INFINITY, |(_, t)| t);
-        let mut any = first_opaque.is_some();
-        for hit in through.iter().filter(|hit| hit.t < end) {
-            self.count(hit.drawable);
-            any = true;
-        }
-        if let Some((drawable, _)) = first_opaque {
-            self.count(drawable);
-        }
-        self.hits += u64::from(any);
     }
 
     fn merge(&mut self, other: &VisibleSet) {
@@ -164,7 +160,7 @@ trait RayQuery: Sync {
 
     /// Counts what each of the rays meets. They are those of one sample of a tile, at most [`PACKET_RAYS`], already cut to
     /// what the filter leaves.
-    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut Self::Scratch);
+    fn trace(&self, rays: &[Ray], tally: &mut Tally, scratch: &mut Self::Scratch);
 }
 
 /// Asks what the camera sees. Uses all threads of the current rayon pool; the answer does not depend on their number.
@@ -179,7 +175,7 @@ pub fn query(
     query_until(scene, camera, method, settings, &Silent).unwrap_or_else(nothing)
 }
 
-/// As [`query`], telling `progress` of each pixel done; `None` when cancelled.
+/// As [`query`], telling `progress` of each cell done; `None` when cancelled.
 pub fn query_until(
     scene: &QueryScene,
     camera: &CameraRays,
@@ -187,69 +183,67 @@ pub fn query_until(
     settings: &QuerySettings,
     progress: &dyn Progress,
 ) -> Option<VisibleSet> {
+    if method == Method::Frustum {
+        return Some(frustum::in_frustum(scene, camera));
+    }
+    let source = ImageRays::new(scene, camera, settings);
+    cast(scene, method, &source, false, progress).map(|tally| tally.found)
+}
+
+/// Casts all rays of a source with a method that casts rays.
+fn cast(
+    scene: &QueryScene,
+    method: Method,
+    source: &impl RaySource,
+    with_sightings: bool,
+    progress: &dyn Progress,
+) -> Option<Tally> {
+    let tally = || Tally::new(scene.exact.drawable_count(), with_sightings);
     match method {
-        Method::Frustum => Some(frustum::in_frustum(scene, camera)),
-        Method::Exact => cast_all(&ExactQuery(*scene), scene, camera, settings, progress),
-        Method::Voxel => cast_all(&voxel::VoxelQuery::new(scene), scene, camera, settings, progress),
-        Method::Hybrid => {
-            let query = hybrid::HybridQuery::new(scene);
-            cast_all(&query, scene, camera, settings, progress)
-        }
+        Method::Frustum => Some(tally()),
+        Method::Exact => cast_all(&exact::ExactQuery(*scene), source, tally, progress),
+        Method::Voxel => cast_all(&voxel::VoxelQuery::new(scene), source, tally, progress),
+        Method::Hybrid => cast_all(&hybrid::HybridQuery::new(scene), source, tally, progress),
     }
 }
 
-/// Casts all rays of an image; counting is per thread and merged once.
+/// Casts all rays of a source; counting is per thread and merged once.
 fn cast_all<Q: RayQuery>(
     query: &Q,
-    scene: &QueryScene,
-    camera: &CameraRays,
-    settings: &QuerySettings,
+    source: &impl RaySource,
+    tally: impl Fn() -> Tally + Sync,
     progress: &dyn Progress,
-) -> Option<VisibleSet> {
-    let drawables = scene.exact.drawable_count();
-    let tiles = sampling::tiles(camera.size());
-    let samples = settings.first_sample..settings.first_sample.saturating_add(settings.rays_per_pixel);
+) -> Option<Tally> {
     let next = AtomicUsize::new(0);
     let parts = rayon::broadcast(|_| {
-        let mut found = VisibleSet::new(drawables);
+        let mut tally = tally();
         let mut scratch = Q::Scratch::default();
         let mut rays = Vec::with_capacity(PACKET_RAYS);
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(tile) = tiles.get(index) else { return Some(found) };
+            if index >= source.batches() {
+                return Some(tally);
+            }
             if progress.is_cancelled() {
                 return None;
             }
-            for sample in samples.clone() {
+            for sample in 0..source.samples() {
                 rays.clear();
-                for_each_pixel_ray(camera, tile, sample..sample + 1, |pixel| {
-                    rays.extend(scene.filter.clipped(&pixel.ray));
-                });
-                found.rays += tile.pixels();
-                query.trace(&rays, &mut found, &mut scratch);
+                tally.begin(index, sample);
+                let cast = source.rays(index, sample, &mut rays);
+                tally.found.rays += cast;
+                query.trace(&rays, &mut tally, &mut scratch);
+                let left = u64::from(source.samples() - 1 - sample);
+                if source.is_adaptive() && left > 0 && tally.repeat_if_uniform(cast, left) {
+                    break;
+                }
             }
-            progress.advance(tile.pixels());
+            progress.advance(source.cells(index));
         }
     });
-    let mut all = VisibleSet::new(drawables);
+    let mut all = tally();
     for part in parts {
-        all.merge(&part?);
+        all.merge(part?);
     }
     Some(all)
-}
-
-struct ExactQuery<'a>(QueryScene<'a>);
-
-impl RayQuery for ExactQuery<'_> {
-    /// Hits with transparent drawables.
-    type Scratch = Vec<TriangleHit>;
-
-    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, through: &mut Vec<TriangleHit>) {
-        let ExactQuery(QueryScene { exact, filter, .. }) = self;
-        for ray in rays {
-            through.clear();
-            let opaque = exact.closest_through(ray, filter, |hit| through.push(hit));
-            found.count_ray(through, opaque.map(|hit| (hit.drawable, hit.t)));
-        }
-    }
 }

@@ -3,7 +3,8 @@
 use voxsight_voxel::dag::Owners;
 use voxsight_voxel::raycast::{GridRay, Next, RayCaster, RayPacket, VoxelHit};
 
-use super::{QueryScene, RayQuery, VisibleSet};
+use super::tally::Tally;
+use super::{QueryScene, RayQuery};
 use crate::ray::Ray;
 
 /// The same ray in voxel units; `t` stays.
@@ -70,7 +71,7 @@ pub(super) struct VoxelScratch<'a> {
 impl<'a> RayQuery for VoxelQuery<'a> {
     type Scratch = VoxelScratch<'a>;
 
-    fn trace(&self, rays: &[Ray], found: &mut VisibleSet, scratch: &mut VoxelScratch<'a>) {
+    fn trace(&self, rays: &[Ray], tally: &mut Tally, scratch: &mut VoxelScratch<'a>) {
         let QueryScene { exact, filter, .. } = self.scene;
         let VoxelScratch { packet, owners, passed } = scratch;
         passed.clear();
@@ -78,14 +79,15 @@ impl<'a> RayQuery for VoxelQuery<'a> {
         let mut met = 0u64;
         RayCaster::new(self.scene.dag).cast_packet(packet, |ray, hit| {
             let mut first_opaque = None;
+            let t = if tally.sightings.is_some() { hit.t() } else { f64::NAN };
             let of_brick = owners.of_brick(&self.scene, hit);
             for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
                 met |= 1 << ray;
-                found.visible[owner as usize] = true;
+                tally.see(owner, ray, &rays[ray], t);
                 if exact.is_transparent(owner) {
                     if !passed.contains(&(ray, owner)) {
                         passed.push((ray, owner));
-                        found.count(owner);
+                        tally.count(owner, ray, &rays[ray], t);
                     }
                 } else if first_opaque.is_none() {
                     first_opaque = Some(owner);
@@ -93,12 +95,12 @@ impl<'a> RayQuery for VoxelQuery<'a> {
             }
             match first_opaque {
                 Some(owner) => {
-                    found.count(owner);
+                    tally.count(owner, ray, &rays[ray], t);
                     Next::End
                 }
                 None => Next::Voxel,
             }
         });
-        found.hits += u64::from(met.count_ones());
+        tally.found.hits += u64::from(met.count_ones());
     }
 }

@@ -111,3 +111,106 @@ fn all_paths_meet_what_the_reference_meets() {
     println!("{rays} rays, {hits} hits, {bricks} whole bricks");
     assert!(hits > 50_000 && bricks > 5_000, "too few to mean anything: {hits} hits, {bricks} bricks");
 }
+
+/// Does the ray cross the brick widened by `margin` voxels?
+fn passes_near(ray: &GridRay, corner: [i32; 3], margin: f64) -> bool {
+    let (mut t_in, mut t_out) = (ray.t_min, ray.t_max);
+    for k in 0..3 {
+        let (low, high) = (f64::from(corner[k]) - margin, f64::from(corner[k] + 4) + margin);
+        let (a, b) = ((low - ray.origin[k]) / ray.direction[k], (high - ray.origin[k]) / ray.direction[k]);
+        if ray.direction[k] == 0.0 {
+            if !(low..=high).contains(&ray.origin[k]) {
+                return false;
+            }
+        } else {
+            (t_in, t_out) = (t_in.max(a.min(b)), t_out.min(a.max(b)));
+        }
+    }
+    let slack = 1e-6 * (t_in.abs() + margin / ray.direction.length());
+    t_in <= t_out + slack
+}
+
+#[test]
+fn bricks_of_a_packet_are_those_of_its_rays_and_few_others() {
+    let (mut needed, mut visited, mut visited_short) = (0u64, 0u64, 0u64);
+    for (seed, log2) in [(1, 6), (2, 7), (3, 9), (4, 12), (5, 17)] {
+        let voxels = soup(seed, log2);
+        let dag = voxels.dag.view();
+        let side = f64::from(1u32 << log2);
+        let mut random = oorandom::Rand64::new(u128::from(seed) + 100);
+        for round in 0..400 {
+            let rays = tile(&mut random, side);
+            // Every brick is below this footprint.
+            let all = Footprint { width: f64::INFINITY, growth: 0.0 };
+            let expected: Vec<Vec<([i32; 3], f64, u64)>> = rays
+                .iter()
+                .map(|ray| {
+                    let mut bricks = Vec::new();
+                    dag.cast_footprint(ray, all, |hit| {
+                        bricks.push((hit.voxel, hit.t(), hit.brick_ordinal()));
+                        Next::Brick
+                    });
+                    bricks
+                })
+                .collect();
+            needed += expected.iter().map(|bricks| bricks.len() as u64).sum::<u64>();
+            for instructions in Instructions::available() {
+                let caster = RayCaster::new(dag).with_instructions(instructions);
+                let mut packet = RayPacket::default();
+                // To the end, then with rays that are stopped at some of their bricks.
+                for stops in [false, true] {
+                    let mut met = vec![Vec::new(); rays.len()];
+                    let mut ended = vec![f64::INFINITY; rays.len()];
+                    packet.fill(rays.iter().copied());
+                    caster.cast_bricks(&mut packet, |brick, ends| {
+                        for (i, expected) in expected.iter().enumerate() {
+                            if brick.rays >> i & 1 == 0 {
+                                continue;
+                            }
+                            met[i].push(brick.corner);
+                            let Some(&(_, t, ordinal)) = expected.iter().find(|e| e.0 == brick.corner) else {
+                                continue;
+                            };
+                            assert_eq!(brick.ordinal(), ordinal);
+                            assert_eq!(
+                                Some((ordinal, brick.mask())),
+                                dag.brick_at(brick.corner.map(|c| c + 1))
+                            );
+                            if stops && next(brick.corner, 4) == Next::End {
+                                ends.shorten(i, t);
+                                ended[i] = ended[i].min(t);
+                            }
+                        }
+                    });
+                    for (i, ray) in rays.iter().enumerate() {
+                        let place = || {
+                            format!(
+                                "seed {seed} round {round} 2^{log2} {instructions:?} stops {stops} ray {i}: {ray:?}"
+                            )
+                        };
+                        // In order, and none missing.
+                        let mut at = met[i].iter();
+                        for (corner, t, _) in expected[i].iter().filter(|e| e.1 <= ended[i]) {
+                            assert!(at.any(|m| m == corner), "{corner:?} at {t} is missing, {}", place());
+                        }
+                        let mut unique = met[i].clone();
+                        unique.sort_unstable();
+                        unique.dedup();
+                        assert_eq!(unique.len(), met[i].len(), "a brick comes twice, {}", place());
+                        for &corner in &met[i] {
+                            let margin = side / f64::from(1 << 17);
+                            assert!(passes_near(ray, corner, margin), "{corner:?} is far off, {}", place());
+                        }
+                        let count = met[i].len() as u64;
+                        if stops { visited_short += count } else { visited += count }
+                    }
+                }
+            }
+        }
+    }
+    let sets = Instructions::available().len() as u64;
+    println!("{needed} bricks, {} visited, {} with stops", visited / sets, visited_short / sets);
+    assert!(needed > 20_000, "too few bricks to mean anything: {needed}");
+    assert!(visited < sets * (needed + needed / 20), "{visited} visited for {sets} times {needed}");
+    assert!(2 * visited_short < visited, "rays that end early go on: {visited_short} of {visited}");
+}

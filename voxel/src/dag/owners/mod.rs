@@ -107,12 +107,27 @@ impl<'a> OwnersRef<'a> {
     /// ([`crate::dag::DagRef::brick_at`] gives both).
     #[inline]
     pub fn of_brick(&self, ordinal: u64, mask: u64) -> Owners<'a> {
+        let page = self.page_of(ordinal);
+        Owners(self.page(page).owners(ordinal - self.directory[page][0], mask))
+    }
+
+    /// All owners of the brick with this ordinal, which must be below the brick count; rising. Quicker than to ask
+    /// [`OwnersRef::of_brick`] for them: who owns which voxels is not looked up.
+    #[inline]
+    pub fn all_of_brick(&self, ordinal: u64) -> impl Iterator<Item = u32> + 'a {
+        let index = self.page_of(ordinal);
+        let page = self.page(index);
+        Owners(page.owners_of_run(page.run_of(ordinal - self.directory[index][0]))).all()
+    }
+
+    /// Place in the directory of the page that holds a brick.
+    #[inline]
+    fn page_of(&self, ordinal: u64) -> usize {
         let span = (ordinal >> self.index.shift) as usize;
         let first = self.index.page_of_span[span] as usize;
         let end = self.index.page_of_span.get(span + 1).map_or(self.directory.len(), |&p| p as usize + 1);
         let among = &self.directory[first..end];
-        let page = first + among.partition_point(|&[start, _]| start <= ordinal) - 1;
-        Owners(self.page(page).owners(ordinal - self.directory[page][0], mask))
+        first + among.partition_point(|&[start, _]| start <= ordinal) - 1
     }
 
     /// A page, by its place in the directory.

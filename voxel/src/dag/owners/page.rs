@@ -242,17 +242,23 @@ impl<'a> Page<'a> {
     #[inline]
     pub fn owners(&self, brick: u64, mask: u64) -> OwnerSet<'a> {
         let run = self.run_of(brick);
+        let code_at = self.is_masked(run).then(|| self.code_at(self.masked_before(run)));
+        OwnerSet { mask, code_at, ..self.owners_of_run(run) }
+    }
+
+    /// All owners of the bricks of a run; not of which voxels.
+    #[inline]
+    pub fn owners_of_run(&self, run: usize) -> OwnerSet<'a> {
         let entry = self.entry(self.value(run));
         let width = self.header.drawable_width;
-        let code_at = self.is_masked(run).then(|| self.code_at(self.masked_before(run)));
         OwnerSet {
             bits: self.bits,
             lowest: self.header.lowest,
             width,
             pool_at: self.pool_at + entry.start * width as usize,
             count: entry.len() as u32,
-            mask,
-            code_at,
+            mask: 0,
+            code_at: None,
         }
     }
 }

@@ -82,6 +82,7 @@ fn packed_owners_are_those_that_were_pushed() {
             let of_brick = packed.of_brick(ordinal as u64, *mask);
             assert_eq!(of_brick.masks(), *owners, "seed {seed}, brick {ordinal}");
             assert!(of_brick.all().eq(owners.iter().map(|o| o.0)), "seed {seed}, brick {ordinal}");
+            assert!(packed.all_of_brick(ordinal as u64).eq(of_brick.all()), "seed {seed}, brick {ordinal}");
             for bit in (0..64).filter(|bit| mask >> bit & 1 == 1) {
                 let expected = owners.iter().filter(|o| o.1 >> bit & 1 == 1).map(|o| o.0);
                 assert!(of_brick.of_voxel(bit).eq(expected), "seed {seed}, brick {ordinal}, voxel {bit}");
