@@ -100,6 +100,19 @@ fn a_section_through_a_wall_shows_what_the_wall_hid() {
 }
 
 #[test]
+fn a_cut_along_the_very_face_of_a_wall_is_a_tie_that_loses_no_part() {
+    for (turn, mesh) in turns().into_iter().flat_map(|turn| [(turn, thin_wall()), (turn, thick_wall())]) {
+        for side in [DVec3::NEG_Z, DVec3::Z] {
+            let mut trial = walled(mesh.clone(), false, turn);
+            trial.loaded.filter_mut().clip_by(plane(turn, side, DVec3::ZERO));
+            for camera in views(turn) {
+                trial.look(&format!("cut along the face, towards {side}"), &camera);
+            }
+        }
+    }
+}
+
+#[test]
 fn random_sections_keep_all_promises() {
     for seed in 1..=2 {
         let mut random = Random::new(seed);
