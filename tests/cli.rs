@@ -1,27 +1,14 @@
 //! The command line as a user or a script meets it: outputs, exit codes, messages.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a failed test panics")]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+#[path = "common/command.rs"]
+mod command;
 
+use std::path::{Path, PathBuf};
+
+use command::{fails, ok};
 use serde_json::Value;
 use voxsight::render::id_colour;
-
-fn voxsight(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_voxsight")).args(args).output().unwrap()
-}
-
-fn ok(args: &[&str]) -> String {
-    let output = voxsight(args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn fails(args: &[&str], code: i32) -> String {
-    let output = voxsight(args);
-    assert_eq!(output.status.code(), Some(code), "{args:?}");
-    String::from_utf8(output.stderr).unwrap()
-}
 
 fn json(args: &[&str]) -> Value {
     serde_json::from_str(&ok(args)).unwrap()

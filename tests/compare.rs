@@ -1,12 +1,15 @@
 //! The accuracy laboratory end to end: the command and its files, and whether it can tell a method that is wrong.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a failed test panics")]
 
+#[path = "common/command.rs"]
+mod command;
 mod common;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
+use command::{fails, ok};
 use common::{build_model, load, random_model};
 use glam::DVec3;
 use serde_json::Value;
@@ -25,22 +28,6 @@ use voxsight::visibility::culling::{CulledFrame, Culling, StageTime};
 use voxsight::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, query, sample_offset};
 
 // --- The command ---
-
-fn voxsight(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_voxsight")).args(args).output().unwrap()
-}
-
-fn ok(args: &[&str]) -> String {
-    let output = voxsight(args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn fails(args: &[&str], code: i32) -> String {
-    let output = voxsight(args);
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stderr).unwrap()
-}
 
 /// A folder with a small plant built at two resolutions.
 struct Sample {

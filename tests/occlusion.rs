@@ -6,7 +6,8 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{build_model, load, random_model};
+use common::cameras::cameras_and_amid as cameras;
+use common::{Random, build_model, load, random_model};
 use fearless_simd::Level;
 use glam::{DAffine3, DVec3};
 use voxsight::camera::{Camera, Plane, Projection};
@@ -25,48 +26,6 @@ use voxsight::visibility::{Method, QuerySettings, VisibleSet, query};
 
 /// How much farther than the truth a depth image may be, as a part of nearness (parallel: of the scene).
 const FARTHER: f64 = 1.0 / (1 << 11) as f64;
-
-struct Random(oorandom::Rand64);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        Random(oorandom::Rand64::new(seed.into()))
-    }
-
-    /// 0 to 1.
-    fn unit(&mut self) -> f64 {
-        self.0.rand_float()
-    }
-
-    /// Each coordinate -1 to 1.
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
-    }
-
-    fn below(&mut self, end: u32) -> u32 {
-        self.0.rand_range(0..u64::from(end)) as u32
-    }
-}
-
-/// Cameras around and inside a box, one of them with parallel rays, one inside some part.
-fn cameras(loaded: &LoadedScene, size: (u32, u32)) -> Vec<Camera> {
-    let bounds = loaded.scene().meta().bounds;
-    let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
-    let centre = min + 0.5 * (max - min);
-    let outside = Camera::around(min, max, DVec3::new(0.7, 0.5, 0.9), DVec3::Y, size.0, size.1);
-    let other_side = Camera::around(min, max, DVec3::new(-0.3, 0.2, -0.8), DVec3::Y, size.0, size.1);
-    let near = DVec3::from(outside.eye).lerp(centre, 0.75);
-    let wide = Projection::Perspective { fov_y_deg: 75.0 };
-    let inside = Camera { eye: near.into(), projection: wide, ..outside };
-    let parallel =
-        Camera { projection: Projection::Orthographic { height: 0.6 * (max - min).length() }, ..outside };
-    // In the midst of it: much lies behind the eye and across its plane.
-    let midst = Camera { eye: (centre + 0.1 * (max - centre)).into(), ..parallel };
-    // The objects' transforms place unit shapes: a quarter of the way in is inside of boxes.
-    let part = loaded.scene().world_from_part(0).transform_point3(DVec3::splat(0.25));
-    let in_part = Camera { eye: part.into(), projection: wide, ..outside };
-    vec![outside, other_side, inside, parallel, midst, in_part]
-}
 
 /// Drawables that a ray through a pixel's centre meets first.
 fn seen_by_rays(loaded: &LoadedScene, camera: &Camera) -> VisibleSet {

@@ -11,6 +11,10 @@ use crate::camera::CameraRays;
 use crate::exact::ExactScene;
 use crate::filter::Filter;
 
+/// Where a plane cuts a drawable, so many units in the last place of the largest coordinate are cut off besides: a ray that
+/// starts or ends at the plane, as rounding has it, may miss a face that lies in it.
+const CUT_ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// Drawables that a thread looks at at a time.
 const AT_A_TIME: usize = 256;
 
@@ -132,16 +136,18 @@ impl OcclusionScene {
         let mut cuts = Cuts::default();
         // Perspective needs no plane at the eye, see `raster::setup`.
         let eye_plane = view.is_parallel().then(|| view.eye_plane());
+        let farthest = around.centre.length() + around.aligned_half().length() + view.eye().length();
         for plane in filter.clip_planes().iter().chain(&eye_plane) {
+            let rounding = CUT_ROUNDING * plane.normal.length() * (farthest + plane.point.length());
             let (lowest, highest) = around.heights(plane);
-            if highest < 0.0 {
+            if highest < rounding {
                 return None;
             }
-            if lowest < 0.0 {
+            if lowest < rounding {
                 let axes = placed.world_from_part.matrix3;
                 let [x, y, z] = [axes.x_axis, axes.y_axis, axes.z_axis].map(|axis| plane.normal.dot(axis));
                 let at_origin = plane.normal.dot(placed.world_from_part.translation - plane.point);
-                cuts.heights.push([x, y, z, at_origin]);
+                cuts.heights.push([x, y, z, at_origin - rounding]);
             }
         }
         let part = view.of_part(&placed.world_from_part);

@@ -1,4 +1,4 @@
-//! What several test files share: models, scenes, and a ray caster that shares nothing with the library's.
+//! What several test files share: models, scenes, cameras, and a ray caster that shares nothing with the library's.
 #![allow(
     dead_code,
     clippy::unwrap_used,
@@ -7,11 +7,13 @@
     reason = "tests; each uses its own part"
 )]
 
+pub mod brute_force;
+pub mod cameras;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
-use voxsight::filter::Filter;
 use voxsight::import::{ImportOptions, import};
 use voxsight::loaded::LoadedScene;
 use voxsight::model::{Colour, Mesh, Model, Node, Object, Part};
@@ -19,6 +21,31 @@ use voxsight::prepare::{BuildSettings, Resolution, build};
 use voxsight::progress::Silent;
 use voxsight::report::Findings;
 use voxsight::scene::Scene;
+
+/// Random numbers of a seed.
+pub struct Random(oorandom::Rand64);
+
+impl Random {
+    /// From a seed.
+    pub fn new(seed: u64) -> Self {
+        Random(oorandom::Rand64::new(seed.into()))
+    }
+
+    /// 0 to 1.
+    pub fn unit(&mut self) -> f64 {
+        self.0.rand_float()
+    }
+
+    /// Each coordinate -1 to 1.
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+
+    /// Below `end`.
+    pub fn below(&mut self, end: u32) -> u32 {
+        self.0.rand_range(0..u64::from(end)) as u32
+    }
+}
 
 /// The folder of real models; says so when there is none.
 pub fn models_folder() -> Option<PathBuf> {
@@ -95,7 +122,8 @@ pub fn random_model(seed: u64, count: u32, centre: DVec3) -> Model {
     model
 }
 
-fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Mesh {
+/// A mesh of these corners.
+pub fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Mesh {
     Mesh { positions: positions.iter().map(|&p| p.into()).collect(), triangles: triangles.to_vec() }
 }
 
@@ -127,78 +155,4 @@ pub fn sheet(n: u32) -> Mesh {
     };
     let triangles: Vec<[u32; 3]> = (0..n).flat_map(|j| (0..n).flat_map(move |i| cell(i, j))).collect();
     mesh(&positions, &triangles)
-}
-
-/// All triangles of a scene in world space, with their drawables: for [`brute_force`].
-pub struct FlatScene {
-    triangles: Vec<(u32, [DVec3; 3])>,
-    transparent: Vec<bool>,
-    /// Bounding sphere of each drawable and the range of its triangles.
-    spheres: Vec<(DVec3, f64, std::ops::Range<usize>)>,
-}
-
-impl FlatScene {
-    pub fn new(scene: &Scene) -> Self {
-        let (mut triangles, mut transparent, mut spheres) = (Vec::new(), Vec::new(), Vec::new());
-        for (id, drawable) in scene.drawables().iter().enumerate() {
-            let level = scene.chunks()[drawable.chunk as usize].first_level;
-            let mesh = scene.level_mesh(level).unwrap();
-            let to_world = scene.world_from_part(drawable.object);
-            let positions: Vec<DVec3> = scene
-                .level_positions(level, &mesh)
-                .iter()
-                .map(|p| to_world.transform_point3(p.as_dvec3()))
-                .collect();
-            let start = triangles.len();
-            triangles.extend(mesh.triangles.iter().map(|t| (id as u32, t.map(|v| positions[v as usize]))));
-            let centre = positions.iter().sum::<DVec3>() / positions.len() as f64;
-            let radius = positions.iter().map(|p| p.distance(centre)).fold(0.0, f64::max) * (1.0 + 1e-9);
-            spheres.push((centre, radius, start..triangles.len()));
-            transparent.push(scene.objects()[drawable.object as usize].colour[3] < 255);
-        }
-        FlatScene { triangles, transparent, spheres }
-    }
-
-    /// The opaque drawables that a ray meets, nearest first, with their distances (in units of the direction). Written
-    /// for the tests alone: Möller and Trumbore's test, in world space, no hierarchy but a sphere for each drawable.
-    pub fn brute_force(&self, origin: DVec3, direction: DVec3, filter: &Filter) -> Vec<(f64, u32)> {
-        let is_kept = |t: &f64| {
-            let point = origin + *t * direction;
-            filter.clip_planes().iter().all(|plane| plane.normal.dot(point - plane.point) >= 0.0)
-        };
-        let mut hits = Vec::new();
-        for (drawable, (centre, radius, range)) in self.spheres.iter().enumerate() {
-            let along = (*centre - origin).dot(direction) / direction.length_squared();
-            let nearest = origin + direction * along.max(0.0);
-            let is_absent = self.transparent[drawable] || filter.is_hidden(drawable as u32);
-            if is_absent || nearest.distance(*centre) > *radius {
-                continue;
-            }
-            let found = self.triangles[range.clone()].iter();
-            let t = found
-                .filter_map(|(_, t)| moller_trumbore(origin, direction, t))
-                .filter(is_kept)
-                .fold(f64::INFINITY, f64::min);
-            if t.is_finite() {
-                hits.push((t, drawable as u32));
-            }
-        }
-        hits.sort_by(|a, b| a.0.total_cmp(&b.0));
-        hits
-    }
-}
-
-fn moller_trumbore(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<f64> {
-    let (e1, e2) = (*b - *a, *c - *a);
-    let p = direction.cross(e2);
-    let determinant = e1.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let s = origin - *a;
-    let u = s.dot(p) / determinant;
-    let q = s.cross(e1);
-    let v = direction.dot(q) / determinant;
-    let t = e2.dot(q) / determinant;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= 0.0).then_some(t)
 }

@@ -6,6 +6,9 @@
 //! (`setup`); where a clip plane cuts, per pixel. So a depth image is exact at the centres and says
 //! nothing about what lies between them.
 //!
+//! What f64 cannot decide is left to its rounding: an edge function of the image is off by up to about 2^-51 columns x
+//! rows, so that a triangle smaller than 2^-25 sqrt(columns x rows) pixels (2^-15 at 1024 x 1024) may cover a centre beside it.
+//!
 //! # How
 //!
 //! Sixteen triangles are set up together in f64 (`setup`); those that cover a centre, mostly few, are filled one after
