@@ -461,7 +461,7 @@ fn a_method_that_drops_one_part_is_told_on_with_its_name_and_pixels() {
     let (loaded, views) = random_scene(11, folder.path());
     let scenes = [loaded];
     let [loaded] = &scenes;
-    let settings = RunSettings { reference_rays: 16, repeats: 2, frames_a_view: 1 };
+    let settings = RunSettings { repeats: 2, ..RunSettings::default() };
     // An object that all views see.
     let object_of = |drawable| loaded.scene().drawable_object(drawable);
     let seen: Vec<BTreeMap<u32, u64>> = views

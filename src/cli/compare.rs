@@ -25,7 +25,7 @@ use crate::lab::walk::walk;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::visibility::RaysPerPixel;
+use crate::visibility::{Method, RaysPerPixel};
 
 /// Width of pictures in the page; the files beside it have the size of the views.
 const PAGE_PICTURE_WIDTH: u32 = 640;
@@ -62,6 +62,9 @@ pub struct Compare {
     /// Rays per pixel of the reference, 16 or more
     #[arg(long, default_value = "16", value_parser = parse_rays, value_name = "N")]
     reference_rays: u32,
+    /// What casts the reference's rays: hybrid gives the answers of exact sooner (checked on the first view)
+    #[arg(long, default_value = "exact", value_name = "METHOD")]
+    reference: ReferenceName,
     /// Passes over all views; the median time counts
     #[arg(long, default_value = "3", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
@@ -71,6 +74,21 @@ pub struct Compare {
     /// Folder for the report: new, empty, or with an earlier report
     #[arg(long, short, alias = "out", value_name = "FOLDER")]
     output: PathBuf,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum ReferenceName {
+    Exact,
+    Hybrid,
+}
+
+impl From<ReferenceName> for Method {
+    fn from(name: ReferenceName) -> Self {
+        match name {
+            ReferenceName::Exact => Method::Exact,
+            ReferenceName::Hybrid => Method::Hybrid,
+        }
+    }
 }
 
 impl Compare {
@@ -93,6 +111,7 @@ impl Compare {
         let settings = RunSettings {
             reference_rays: self.reference_rays,
             repeats: self.repeats,
+            reference_method: self.reference.into(),
             frames_a_view: self.still,
         };
         let outcome = run(first, &views, &mut contestants, &settings, progress)?;

@@ -63,7 +63,9 @@ struct Placed {
 pub struct ExactScene {
     chunks: Vec<ChunkBvh>,
     instances: Vec<Placed>,
-    /// Over the instances' boxes, relative to `centre`.
+    /// Of the instances, widened, relative to `centre`.
+    boxes: Vec<Aabb>,
+    /// Over these.
     top: Bvh2,
     centre: DVec3,
     min: DVec3,
@@ -88,9 +90,9 @@ impl ExactScene {
         let (min, max) = if min.x <= max.x { (min, max) } else { (DVec3::ZERO, DVec3::ZERO) };
         let centre = min + 0.5 * (max - min);
         let slack = DVec3::splat((max - min).max_element() * WIDEN);
-        let aabbs: Vec<Aabb> =
+        let boxes: Vec<Aabb> =
             boxes.iter().map(|(low, high)| widened(*low - centre - slack, *high - centre + slack)).collect();
-        let top = build(&aabbs, INSTANCES_PER_LEAF);
+        let top = build(&boxes, INSTANCES_PER_LEAF);
         let instances = instances
             .iter()
             .map(|instance| Placed {
@@ -99,7 +101,16 @@ impl ExactScene {
                 transparent: instance.transparent,
             })
             .collect();
-        ExactScene { chunks, instances, top, centre, min: min - slack, max: max + slack, level: Level::new() }
+        ExactScene {
+            chunks,
+            instances,
+            boxes,
+            top,
+            centre,
+            min: min - slack,
+            max: max + slack,
+            level: Level::new(),
+        }
     }
 
     /// The nearest opaque hit. `through` is called for each transparent drawable that the ray meets, with its nearest

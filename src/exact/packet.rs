@@ -16,6 +16,7 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, dispatch, f32x16, f64x8};
 use glam::{DAffine3, DVec3};
+use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::chunk_bvh::ChunkBvh;
@@ -39,21 +40,26 @@ pub struct TriangleRays {
     origin: [[f64; LANES]; 3],
     direction: [[f64; LANES]; 3],
     t_min: [f64; LANES],
+    t_max: [f64; LANES],
+    /// Those that meet the scene's box.
+    in_scene: u64,
     /// All start at one point.
     one_eye: bool,
-    lanes: PartLanes,
+    /// In world space, for the boxes of drawables.
+    world: BoxLanes,
+    lanes: BoxLanes,
     /// Nodes that wait, and the rays that may meet them.
     stack: Vec<(u32, u64)>,
 }
 
-/// The rays in the space of one part.
-struct PartLanes {
+/// The rays in the space of one part or of the world, where they meet a box in which all else lies.
+struct BoxLanes {
     /// f64, for triangles.
     origin: [[f64; LANES]; 3],
     direction: [[f64; LANES]; 3],
     t_enter: [f64; LANES],
     scale: [f64; LANES],
-    /// f32, for boxes relative to the chunk's centre: the plane at c is met at `c * inverse + shift`.
+    /// f32, for boxes relative to that box's centre: the plane at c is met at `c * inverse + shift`.
     inverse: [[f32; LANES]; 3],
     shift: [[f32; LANES]; 3],
     t_max: [f32; LANES],
@@ -61,30 +67,25 @@ struct PartLanes {
 
 impl Default for TriangleRays {
     fn default() -> Self {
-        let (zero, zero32) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        let zero = [[0.0; LANES]; 3];
         TriangleRays {
             count: 0,
             origin: zero,
             direction: zero,
             t_min: zero[0],
+            t_max: zero[0],
+            in_scene: 0,
             one_eye: true,
-            lanes: PartLanes {
-                origin: zero,
-                direction: zero,
-                t_enter: zero[0],
-                scale: zero[0],
-                inverse: zero32,
-                shift: zero32,
-                t_max: zero32[0],
-            },
+            world: BoxLanes::new(),
+            lanes: BoxLanes::new(),
             stack: Vec::new(),
         }
     }
 }
 
 impl TriangleRays {
-    /// Replaces the rays: the first [`LANES`] of them. Where they end is told with each question.
-    pub fn fill(&mut self, rays: &[Ray]) {
+    /// Replaces the rays: the first [`LANES`] of them, and the scene that they will be asked about.
+    pub fn fill(&mut self, scene: &ExactScene, rays: &[Ray]) {
         self.count = rays.len().min(LANES);
         self.one_eye = true;
         // Lanes without a ray repeat the first one; nobody looks at what they meet.
@@ -96,8 +97,22 @@ impl TriangleRays {
                 self.direction[k][i] = ray.direction[k];
             }
             self.t_min[i] = ray.t_min;
+            self.t_max[i] = ray.t_max;
             self.one_eye &= ray.origin == first.origin;
         }
+        let all = self.all();
+        let TriangleRays { origin, direction, t_min, t_max, world, in_scene, .. } = self;
+        let space =
+            Space { from_world: DAffine3::IDENTITY, min: scene.min, max: scene.max, centre: scene.centre };
+        dispatch!(scene.level, simd => {
+            let _ = simd;
+            *in_scene = world.set_up(&space, [origin, direction], t_min, t_max, all);
+        });
+    }
+
+    /// A ray has met something at `t`: boxes of drawables farther away are not asked any more.
+    pub fn shorten(&mut self, ray: usize, t: f64) {
+        self.world.shorten(ray, t);
     }
 
     /// All rays, as bits.
@@ -108,7 +123,8 @@ impl TriangleRays {
 
 impl ExactScene {
     /// [`ExactScene::closest_of`] for those of the packet's rays that are set in `rays`, each up to and including its
-    /// `t[ray]`. Returns the rays that meet the drawable, and puts where into `t`; that of the others stays.
+    /// `t[ray]`. Returns the rays that meet the drawable, and puts where into `t`; that of the others stays. The packet
+    /// was filled for this scene.
     pub fn closest_of_packet(
         &self,
         drawable: u32,
@@ -118,7 +134,11 @@ impl ExactScene {
     ) -> u64 {
         let placed = &self.instances[drawable as usize];
         let chunk = &self.chunks[placed.chunk as usize];
-        dispatch!(self.level, simd => closest(simd, chunk, &placed.part_from_world, packet, rays, t))
+        let bounds = &self.boxes[drawable as usize];
+        dispatch!(self.level, simd => {
+            let rays = packet.world.crossing(simd, rays & packet.in_scene, bounds);
+            if rays == 0 { 0 } else { closest(simd, chunk, &placed.part_from_world, packet, rays, t) }
+        })
     }
 }
 
@@ -132,7 +152,8 @@ fn closest<S: Simd>(
     t: &mut [f64; LANES],
 ) -> u64 {
     let TriangleRays { origin, direction, t_min, one_eye, lanes, stack, .. } = packet;
-    let rays = lanes.set_up(chunk, part_from_world, [origin, direction], t_min, t, rays);
+    let space = Space { from_world: *part_from_world, min: chunk.min, max: chunk.max, centre: chunk.centre };
+    let rays = lanes.set_up(&space, [origin, direction], t_min, t, rays);
     if rays == 0 || chunk.bvh.nodes.is_empty() {
         return 0;
     }
@@ -141,7 +162,7 @@ fn closest<S: Simd>(
     stack.push((0, rays));
     while let Some((at, rays)) = stack.pop() {
         let node = &chunk.bvh.nodes[at as usize];
-        let rays = lanes.crossing(simd, rays, node);
+        let rays = lanes.crossing(simd, rays, node.aabb());
         if rays == 0 {
             continue;
         }
@@ -169,21 +190,48 @@ fn closest<S: Simd>(
     met
 }
 
-impl PartLanes {
-    /// Moves rays into a part and to where they enter the chunk's box. Returns those of `rays` that do.
+/// A space, and a box in it in which all that matters lies.
+struct Space {
+    from_world: DAffine3,
+    min: DVec3,
+    max: DVec3,
+    centre: DVec3,
+}
+
+impl BoxLanes {
+    /// Nothing yet.
+    fn new() -> Self {
+        let (zero, zero32) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        BoxLanes {
+            origin: zero,
+            direction: zero,
+            t_enter: zero[0],
+            scale: zero[0],
+            inverse: zero32,
+            shift: zero32,
+            t_max: zero32[0],
+        }
+    }
+
+    /// Ends a ray at `t`.
+    #[inline(always)]
+    fn shorten(&mut self, ray: usize, t: f64) {
+        self.t_max[ray] = box_t_max(t, self.t_enter[ray], self.scale[ray]);
+    }
+
+    /// Moves rays into a space and to where they enter its box. Returns those of `rays` that do.
     #[inline(always)]
     fn set_up(
         &mut self,
-        chunk: &ChunkBvh,
-        part_from_world: &DAffine3,
+        space: &Space,
         [origin, direction]: [&[[f64; LANES]; 3]; 2],
         t_min: &[f64; LANES],
         t_max: &[f64; LANES],
         rays: u64,
     ) -> u64 {
-        let (min, max, centre) = (chunk.min.to_array(), chunk.max.to_array(), chunk.centre.to_array());
-        let m = part_from_world.matrix3.to_cols_array_2d();
-        let offset = part_from_world.translation.to_array();
+        let (min, max, centre) = (space.min.to_array(), space.max.to_array(), space.centre.to_array());
+        let m = space.from_world.matrix3.to_cols_array_2d();
+        let offset = space.from_world.translation.to_array();
         let mut inside = 0;
         for group in 0..LANES / F64_LANES {
             let start = group * F64_LANES;
@@ -230,10 +278,10 @@ impl PartLanes {
         inside & rays
     }
 
-    /// Those of `rays` that may cross the box of a node before their ends.
+    /// Those of `rays` that may cross a box before their ends.
     #[inline(always)]
-    fn crossing<S: Simd>(&self, simd: S, rays: u64, node: &Bvh2Node) -> u64 {
-        let (low, high) = (node.aabb().min.to_array(), node.aabb().max.to_array());
+    fn crossing<S: Simd>(&self, simd: S, rays: u64, bounds: &Aabb) -> u64 {
+        let (low, high) = (bounds.min.to_array(), bounds.max.to_array());
         let mut found = 0;
         for group in 0..LANES / F32_LANES {
             let start = group * F32_LANES;
@@ -323,7 +371,7 @@ impl PartLanes {
                 if hits >> lane & 1 != 0 {
                     let i = start + lane;
                     t[i] = found[lane];
-                    self.t_max[i] = box_t_max(found[lane], self.t_enter[i], self.scale[i]);
+                    self.shorten(i, found[lane]);
                 }
             }
             met |= hits << start;
@@ -464,7 +512,7 @@ mod tests {
                     Ray { t_min, ..Ray::new(origin, direction) }
                 })
                 .collect();
-            packet.fill(&rays);
+            packet.fill(&scene, &rays);
             let asked = packet.all() & if round % 3 == 0 { random.rand_u64() } else { u64::MAX };
             let limits: [f64; LANES] = std::array::from_fn(|_| match random.rand_range(0..3) {
                 0 => f64::INFINITY,

@@ -3,7 +3,7 @@
 use super::report::Report;
 
 /// Names of the columns; times are the last ones.
-const COLUMNS: [&str; 22] = [
+const COLUMNS: [&str; 24] = [
     "view",
     "name",
     "method",
@@ -20,6 +20,8 @@ const COLUMNS: [&str; 22] = [
     "wrongly_hidden_4px",
     "reference_16px",
     "wrongly_hidden_16px",
+    "reference_small",
+    "wrongly_hidden_small",
     "lost_pixels",
     "needlessly_drawn",
     "needless_triangles",
@@ -52,6 +54,7 @@ pub fn frames_csv(report: &Report) -> String {
             for class in &accuracy.classes {
                 fields.extend([class.reference.to_string(), class.wrongly_hidden.to_string()]);
             }
+            fields.extend([frame.small.reference.to_string(), frame.small.wrongly_hidden.to_string()]);
             let stages = time.stages.iter().map(|stage| format!("{}={}", stage.stage, 1e3 * stage.seconds));
             fields.extend([
                 accuracy.lost_pixels.to_string(),

@@ -10,6 +10,7 @@ use super::html::Html;
 use super::plots::{about, milliseconds};
 use super::report::{MethodReport, NamedLoss, Report};
 use super::statistics::Distribution;
+use crate::visibility::Method;
 
 /// What the page shows besides the report's figures.
 pub struct PageParts {
@@ -52,6 +53,7 @@ pub fn page(report: &Report, parts: &PageParts) -> String {
     heading(&mut html, report);
     in_short(&mut html, report);
     summary(&mut html, report);
+    papers(&mut html, report);
     how_to_read(&mut html, report);
     charts(&mut html, parts);
     worst_views(&mut html, report, &parts.worst);
@@ -180,10 +182,49 @@ fn summary_row(html: &mut Html, index: usize, method: &MethodReport) {
     html.close();
 }
 
+/// The figures that the methods' papers give, on this scene.
+fn papers(html: &mut Html, report: &Report) {
+    html.open("section", &[]).element("h2", &[], "As the papers count");
+    html.open("div", &[("class", "scroll")])
+        .open("table", &[("id", "papers")])
+        .open("thead", &[])
+        .open("tr", &[]);
+    html.element("th", &[("class", "name")], "method");
+    for column in
+        ["culled, of all in view", "culled, of what is hidden", "small parts wrongly hidden", "95 %"]
+    {
+        html.element("th", &[], column);
+    }
+    html.close().close().open("tbody", &[]);
+    for method in &report.methods {
+        let class = if method.is_floor { "floor" } else { "method" };
+        html.open("tr", &[("class", class)]).element("td", &[("class", "name")], &method.variant.to_string());
+        for figure in [
+            method.culled.mean,
+            method.culled_of_hidden.mean,
+            method.small_wrongly_hidden.mean,
+            method.small_wrongly_hidden.p95,
+        ] {
+            html.element("td", &[], &percent(figure));
+        }
+        html.close();
+    }
+    html.close().close().close();
+    let text = "Peng and Cao 2013, table 4: hzm culled 8.8 % of a Boeing 777 and exact occlusion culling 15.0 %, so that it culled \
+                58.3 % of what is hidden. Xue et al. 2016, section 3.3: of visible objects of at most 200 vertices, voxels \
+                found 7 % hidden and queries by boxes 38 %. Means over views; other scenes and other cameras.";
+    html.element("p", &[("class", "soft")], text).close();
+}
+
 fn how_to_read(html: &mut Html, report: &Report) {
     let reference = format!(
-        "The truth is a reference of {} exact rays per pixel that share no ray with the answers.",
-        report.settings.run.reference_rays
+        "The truth is a reference of {} exact rays per pixel that share no ray with the answers{}.",
+        report.settings.run.reference_rays,
+        match report.settings.run.reference_method {
+            Method::Hybrid =>
+                " (cast by hybrid, which answers as exact does; this was checked on the first view)",
+            _ => "",
+        }
     );
     let terms = [
         (
@@ -336,6 +377,13 @@ fn how_it_was_done(html: &mut Html, report: &Report) {
         settings.run.repeats,
     );
     html.element("p", &[("class", "time")], &text);
+    if settings.run.frames_a_view > 1 {
+        let text = format!(
+            "Each view was shown for {} frames; methods that keep what they found are judged and timed by the last.",
+            settings.run.frames_a_view
+        );
+        html.element("p", &[], &text);
+    }
     if let Some(rejected) = report.rejected {
         let text = format!(
             "To find places and directions inside the model, {} were drawn and turned down: {} places too close to \

@@ -9,8 +9,8 @@ use super::statistics::Distribution;
 use super::views::{Rejected, View};
 use crate::loaded::LoadedScene;
 use crate::scene::Scene;
-use crate::visibility::Accuracy;
 use crate::visibility::culling::StageTime;
+use crate::visibility::{Accuracy, ClassError};
 
 /// First field of a report's JSON: what it is, and the version of its fields.
 pub const FORMAT: &str = "voxsight-compare 1";
@@ -123,6 +123,8 @@ pub struct FrameReport {
     /// Both errors.
     #[serde(flatten)]
     pub accuracy: Accuracy,
+    /// Visible drawables of at most 200 vertices, and those of them that are wrongly hidden.
+    pub small: ClassError,
     /// Lost objects, most pixels first; the first 20.
     pub lost: Vec<NamedLoss>,
     /// How many there are.
@@ -151,6 +153,11 @@ pub struct MethodReport {
     pub needless_triangles: Distribution,
     /// Fraction of what is in the view pyramid and was left out: what the method spares.
     pub culled: Distribution,
+    /// Of what is in the view pyramid and hidden, the fraction that was left out: what occlusion culling achieves of what
+    /// exact occlusion culling would (Peng and Cao 2013, table 4).
+    pub culled_of_hidden: Distribution,
+    /// Fraction of visible drawables of at most 200 vertices that are wrongly hidden (Xue et al. 2016, section 3.3).
+    pub small_wrongly_hidden: Distribution,
     /// Mean relative error of sample counts; only the views that have one. `None` when none has.
     pub sample_count_error: Option<Distribution>,
     /// Views in which anything was lost.
@@ -296,6 +303,17 @@ fn method_report(scene: &Scene, views: &[ViewReport], result: &MethodResult) -> 
             1.0 - frame.accuracy.answer.min(in_frustum) as f64 / in_frustum as f64
         })
         .collect();
+    let culled_of_hidden: Vec<f64> = result
+        .frames
+        .iter()
+        .zip(views)
+        .map(|(frame, view)| {
+            // What the reference sees without being in the view pyramid by rounding is hidden by nobody.
+            let hidden = view.facts.in_frustum.saturating_sub(view.facts.reference);
+            let drawn = frame.accuracy.needlessly_drawn.min(hidden);
+            if hidden == 0 { 1.0 } else { (hidden - drawn) as f64 / hidden as f64 }
+        })
+        .collect();
     MethodReport {
         variant: result.variant.clone(),
         is_floor: result.variant.method == FLOOR,
@@ -306,6 +324,10 @@ fn method_report(scene: &Scene, views: &[ViewReport], result: &MethodResult) -> 
         needlessly_drawn: over(&Accuracy::needlessly_drawn_rate),
         needless_triangles: over(&Accuracy::needless_triangle_rate),
         culled: Distribution::of(&culled),
+        culled_of_hidden: Distribution::of(&culled_of_hidden),
+        small_wrongly_hidden: Distribution::of(
+            &result.frames.iter().map(|frame| frame.small.rate()).collect::<Vec<_>>(),
+        ),
         sample_count_error: sample_count_error(result),
         views_with_loss: count(result, |accuracy| accuracy.wrongly_hidden > 0),
         worst_view: result.worst.as_ref().map_or(0, |(view, _)| *view),
@@ -331,6 +353,7 @@ fn sample_count_error(result: &MethodResult) -> Option<Distribution> {
 fn frame_report(scene: &Scene, frame: &FrameResult) -> FrameReport {
     FrameReport {
         accuracy: frame.accuracy.clone(),
+        small: frame.small,
         lost: named(scene, &frame.lost),
         lost_objects: frame.lost_objects,
     }

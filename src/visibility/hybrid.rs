@@ -86,6 +86,7 @@ impl<'a> HybridQuery<'a> {
                     tile.t[ray] = t[ray];
                     tile.opaque[ray] = owner;
                     ends.shorten(ray, t[ray] + tile.slack[ray]);
+                    triangles.shorten(ray, t[ray]);
                 }
             }
         }
@@ -104,7 +105,7 @@ impl<'a> RayQuery for HybridQuery<'a> {
             tile.number = 1;
         }
         packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
-        triangles.fill(rays);
+        triangles.fill(self.scene.exact, rays);
         tile.opaque = [NOBODY; PACKET_RAYS];
         for (i, ray) in rays.iter().enumerate() {
             tile.t[i] = ray.t_max;
