@@ -356,7 +356,8 @@ fn bad_arguments_are_refused_with_a_reason_before_the_work() {
     let error = with(&["--methods", "hybrid,magic"], 1);
     assert!(error.contains("magic") && error.contains("frustum"), "{error}");
     assert!(with(&["--rays", "3/4"], 2).contains("1/16"));
-    assert!(with(&["--rays", "1/4"], 1).contains("coherence"));
+    assert!(with(&["--still", "0"], 2).contains("0"));
+    assert!(with(&["--reference", "voxel"], 2).contains("hybrid"));
     assert!(with(&["--reference-rays", "8"], 1).contains("at least 16"));
     assert!(with(&["--views", "3", "--walk", "3"], 2).contains("cannot be used with"));
     assert!(with(&["--views", "0"], 2).contains("0"));

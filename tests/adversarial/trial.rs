@@ -13,14 +13,15 @@ use voxsight::prepare::{BuildSettings, Resolution, build};
 use voxsight::progress::Silent;
 use voxsight::report::Findings;
 use voxsight::visibility::culling::{Culling, FreshQuery};
-use voxsight::visibility::{Method, QueryScene, QuerySettings, VisibleSet, query};
+use voxsight::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, query};
 use voxsight_voxel::raycast::{GridRay, Next};
 
 use crate::common::brute_force::{Agreement, FlatScene, compare_with_brute_force};
 use crate::common::load;
 
 /// Rays per pixel of the dense reference; none goes through a centre.
-const DENSE: QuerySettings = QuerySettings { rays_per_pixel: 2, first_sample: 1, accept_below_px: 0.0 };
+const DENSE: QuerySettings =
+    QuerySettings { rays_per_pixel: RaysPerPixel::rays(2), first_sample: 1, adaptive: false };
 
 /// Pixels that are compared with brute force, about.
 const BRUTE_FORCE_PIXELS: u64 = 800;
@@ -181,7 +182,7 @@ impl Trial {
             assert_eq!(lost(seen, &frustum), [0; 0], "{name}: frustum; {camera:?}");
         }
         let mut found = vec![("exact", exact), ("hybrid", hybrid), ("voxel", voxel), ("frustum", frustum)];
-        let seen_px = |d: usize| f64::from(dense.samples[d]) / f64::from(DENSE.rays_per_pixel);
+        let seen_px = |d: usize| f64::from(dense.samples[d]) / DENSE.rays_per_pixel.get();
         for (method, culling) in &mut self.boxes {
             for frame in 0..2 {
                 let answer = culling.frame(&scene, &rays, &Silent).unwrap().found;
