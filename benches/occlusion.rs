@@ -29,7 +29,7 @@ use voxsight::occlusion::raster::{DepthImage, Rasterizer};
 use voxsight::progress::Silent;
 use voxsight::sample::{PlantSettings, plant};
 use voxsight::visibility::culling::{CulledFrame, Culling};
-use voxsight::visibility::{Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query};
+use voxsight::visibility::{Jitter, Method, QuerySettings, RaysPerPixel, VisibleSet, accuracy, query};
 
 struct Options {
     size: u32,
@@ -180,7 +180,8 @@ fn methods(options: &Options, scene: &Arc<OcclusionScene>, loaded: &LoadedScene,
     let pixels = u64::from(width) * u64::from(height);
     let settings = QuerySettings { rays_per_pixel: RaysPerPixel::rays(16), ..QuerySettings::default() };
     let reference = query(&loaded.query(), rays, Method::Exact, &settings);
-    let centres = query(&loaded.query(), rays, Method::Exact, &QuerySettings::default());
+    let middles = QuerySettings { jitter: Jitter::Regular, ..QuerySettings::default() };
+    let centres = query(&loaded.query(), rays, Method::Exact, &middles);
     let frustum = query(&loaded.query(), rays, Method::Frustum, &QuerySettings::default());
     let report = |name: &str, answer: &VisibleSet| {
         let found = accuracy(&reference, answer, pixels, |drawable| exact.triangle_count(drawable));

@@ -210,7 +210,7 @@ fn adaptive_rays_find_no_less_than_one_ray_and_no_more_than_all() {
                 &loaded.query(),
                 &camera,
                 Method::Hybrid,
-                &QuerySettings { rays_per_pixel, first_sample: 0, adaptive },
+                &QuerySettings { rays_per_pixel, adaptive, ..QuerySettings::default() },
             )
         };
         assert_eq!(ask(1, true), ask(1, false), "view {view}: one ray a pixel leaves nothing to adapt");

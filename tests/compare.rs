@@ -25,7 +25,7 @@ use voxsight::lab::walk::{STEP, walk};
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::{Progress, Silent};
 use voxsight::visibility::culling::{CulledFrame, Culling, StageTime};
-use voxsight::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, query, sample_offset};
+use voxsight::visibility::{Jitter, Method, QueryScene, QuerySettings, RaysPerPixel, query};
 
 // --- The command ---
 
@@ -530,7 +530,7 @@ fn lost_objects_are_those_that_item_buffers_count() {
                 for column in 0..camera.size().0 {
                     let mut lost = 0;
                     for sample in 0..16 {
-                        let (x, y) = sample_offset(FIRST_REFERENCE_SAMPLE + sample);
+                        let (x, y) = Jitter::Scattered.offset(FIRST_REFERENCE_SAMPLE + sample, column, row);
                         let ray = camera.ray(f64::from(column) + x, f64::from(row) + y);
                         let mut items = Vec::new();
                         let opaque = scene.exact.closest_through(&ray, scene.filter, |hit| items.push(hit));

@@ -22,19 +22,26 @@ use voxsight::occlusion::raster::{DepthImage, Rasterizer, draw_triangles, refere
 use voxsight::occlusion::view::{FARTHEST, View};
 use voxsight::progress::Silent;
 use voxsight::visibility::culling::Culling;
-use voxsight::visibility::{Method, QuerySettings, VisibleSet, query};
+use voxsight::visibility::{Jitter, Method, QuerySettings, RaysPerPixel, VisibleSet, query};
 
 /// How much farther than the truth a depth image may be, as a part of nearness (parallel: of the scene).
 const FARTHER: f64 = 1.0 / (1 << 11) as f64;
 
+/// A ray through the middle of every pixel, which is where depth images look.
+const CENTRES: QuerySettings = QuerySettings {
+    rays_per_pixel: RaysPerPixel::ONE,
+    first_sample: 0,
+    jitter: Jitter::Regular,
+    adaptive: false,
+};
+
 /// Drawables that a ray through a pixel's centre meets first.
 fn seen_by_rays(loaded: &LoadedScene, camera: &Camera) -> VisibleSet {
-    query(&loaded.query(), &camera.rays().unwrap(), Method::Exact, &QuerySettings::default())
+    query(&loaded.query(), &camera.rays().unwrap(), Method::Exact, &CENTRES)
 }
 
 fn in_frustum(loaded: &LoadedScene, camera: &Camera) -> usize {
-    let settings = QuerySettings::default();
-    query(&loaded.query(), &camera.rays().unwrap(), Method::Frustum, &settings).visible_count()
+    query(&loaded.query(), &camera.rays().unwrap(), Method::Frustum, &CENTRES).visible_count()
 }
 
 fn occlusion_scene(loaded: &LoadedScene) -> Arc<OcclusionScene> {

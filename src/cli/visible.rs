@@ -43,7 +43,7 @@ pub struct Visible {
     /// Beyond the first ray per pixel, spend rays only where drawables change
     #[arg(long)]
     adaptive: bool,
-    /// Another seed is another jitter of the rays; 0: the first ray goes through the middle of its pixel
+    /// Another seed is another jitter of the rays
     #[arg(long, default_value = "0", value_name = "N")]
     seed: u16,
     /// Compare with `exact` at 16 rays per pixel and print both errors
@@ -87,8 +87,12 @@ impl Visible {
         }
         let loaded = LoadedScene::new(scene, progress)?;
         let first_sample = u32::from(self.seed).saturating_mul(self.rays_per_pixel.samples());
-        let settings =
-            QuerySettings { rays_per_pixel: self.rays_per_pixel, first_sample, adaptive: self.adaptive };
+        let settings = QuerySettings {
+            rays_per_pixel: self.rays_per_pixel,
+            first_sample,
+            adaptive: self.adaptive,
+            ..QuerySettings::default()
+        };
 
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         progress.stage("query", pixels, "pixels");

@@ -10,7 +10,7 @@ use crate::filter::Filter;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::{Light, RenderScene, RenderSettings, Shadows, render};
-use crate::visibility::{QueryScene, QuerySettings, VisibleSet, sample_offset};
+use crate::visibility::{QueryScene, QuerySettings, VisibleSet};
 
 /// Reference samples of each pixel that fall on drawables which the answer lacks, row by row.
 ///
@@ -28,7 +28,7 @@ pub fn lost_samples_by_pixel(
     let pixel = |column: u32, row: u32| {
         let (mut lost, mut through) = (0, Vec::new());
         for sample in 0..reference.rays_per_pixel.samples() {
-            let (x, y) = sample_offset(reference.first_sample + sample);
+            let (x, y) = reference.jitter.offset(reference.first_sample + sample, column, row);
             through.clear();
             let ray = camera.ray(f64::from(column) + x, f64::from(row) + y);
             let opaque = scene.exact.closest_through(&ray, scene.filter, |hit| through.push(hit));

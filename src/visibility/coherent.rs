@@ -85,7 +85,8 @@ struct View {
     filter: Filter,
 }
 
-/// A query that keeps what it found.
+/// A query that keeps what it found. Its answers count rays, hits and samples in 256ths, since they decay: their ratios are
+/// what those of any other query are.
 pub struct CoherentQuery {
     settings: CoherentSettings,
     known: Vec<Known>,

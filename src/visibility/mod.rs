@@ -30,7 +30,7 @@ use voxsight_voxel::grid::Grid;
 use voxsight_voxel::raycast::PACKET_RAYS;
 
 pub use accuracy::{Accuracy, ClassError, accuracy};
-pub use sampling::{PixelRay, RayGrid, RaysPerPixel, Tile, for_each_pixel_ray, sample_offset};
+pub use sampling::{Jitter, PixelRay, RayGrid, RaysPerPixel, Tile, sample_offset};
 
 use crate::camera::CameraRays;
 use crate::exact::ExactScene;
@@ -59,9 +59,11 @@ pub enum Method {
 pub struct QuerySettings {
     /// Rays per pixel.
     pub rays_per_pixel: RaysPerPixel,
-    /// Where the jitter begins ([`sample_offset`]). 0: the first ray goes through the pixel's middle. Another frame, or a
-    /// reference that shall share no ray with the answer, begins after the last.
+    /// Where the sequence of samples begins ([`sample_offset`]). Another frame, or a reference that shall share no ray
+    /// with the answer, begins after the last.
     pub first_sample: u32,
+    /// Where in their cells the rays of a sample go.
+    pub jitter: Jitter,
     /// Spend rays where drawables change: a tile of 8x8 cells in which the first sample of every cell met the same one
     /// drawable, or nothing, gets no more; that sample counts for all.
     pub adaptive: bool,
@@ -69,7 +71,12 @@ pub struct QuerySettings {
 
 impl Default for QuerySettings {
     fn default() -> Self {
-        QuerySettings { rays_per_pixel: RaysPerPixel::ONE, first_sample: 0, adaptive: false }
+        QuerySettings {
+            rays_per_pixel: RaysPerPixel::ONE,
+            first_sample: 0,
+            jitter: Jitter::Scattered,
+            adaptive: false,
+        }
     }
 }
 

@@ -100,6 +100,34 @@ impl Serialize for RaysPerPixel {
     }
 }
 
+/// Where in their cells the rays of one sample go.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Jitter {
+    /// To the same point of every cell ([`sample_offset`]): the first sample to all middles, as a picture has it.
+    Regular,
+    /// To another point of each cell, so that nothing can hide between rows or columns of points: a post a third of a
+    /// pixel wide is missed by all the middles of its column, or by none. The points of a sample are those of
+    /// [`Jitter::Regular`] moved by steps of the same sequence along rows and columns (a Cranley-Patterson rotation, 1976).
+    #[default]
+    Scattered,
+}
+
+impl Jitter {
+    /// The point of a sample in a cell, in `0..1`.
+    pub fn offset(self, sample: u32, column: u32, row: u32) -> (f64, f64) {
+        let (x, y) = sample_offset(sample);
+        match self {
+            Jitter::Regular => (x, y),
+            Jitter::Scattered => {
+                let (column, row) = (f64::from(column), f64::from(row));
+                let (long, short) = STEPS;
+                ((x + column * short + row * long).fract(), (y + column * long + row * short).fract())
+            }
+        }
+    }
+}
+
 /// The square cells of an image in each of which a query casts as many rays: pixels, or larger ones where there is less
 /// than a ray a pixel. The last column and row may reach beyond the image; rays there are left out.
 #[derive(Clone, Copy)]
@@ -109,15 +137,16 @@ pub struct RayGrid<'a> {
     spacing: f64,
     columns: u32,
     rows: u32,
+    jitter: Jitter,
 }
 
 impl<'a> RayGrid<'a> {
     /// The cells for that many rays.
-    pub fn new(camera: &'a CameraRays, rays: RaysPerPixel) -> Self {
+    pub fn new(camera: &'a CameraRays, rays: RaysPerPixel, jitter: Jitter) -> Self {
         let spacing = rays.spacing();
         let cells = |pixels: u32| (f64::from(pixels) / spacing).ceil() as u32;
         let (width, height) = camera.size();
-        RayGrid { camera, spacing, columns: cells(width), rows: cells(height) }
+        RayGrid { camera, spacing, columns: cells(width), rows: cells(height), jitter }
     }
 
     /// All tiles, row by row.
@@ -129,17 +158,12 @@ impl<'a> RayGrid<'a> {
             .collect()
     }
 
-    /// Number of a cell, row by row.
-    pub fn number(&self, column: u32, row: u32) -> u64 {
-        u64::from(row) * u64::from(self.columns) + u64::from(column)
-    }
-
-    /// Calls `visit` for one ray of each cell of a tile: that of this sample ([`sample_offset`]).
+    /// Calls `visit` for one ray of each cell of a tile: that of this sample.
     pub fn for_each_ray(&self, tile: &Tile, sample: u32, mut visit: impl FnMut(PixelRay)) {
-        let (x, y) = sample_offset(sample);
         let (width, height) = self.camera.size();
         for row in tile.rows.clone() {
             for column in tile.columns.clone() {
+                let (x, y) = self.jitter.offset(sample, column, row);
                 let (x, y) = ((f64::from(column) + x) * self.spacing, (f64::from(row) + y) * self.spacing);
                 if x < f64::from(width) && y < f64::from(height) {
                     visit(PixelRay { column, row, ray: self.camera.ray(x, y) });
@@ -149,24 +173,14 @@ impl<'a> RayGrid<'a> {
     }
 }
 
+/// 1/g and 1/g^2, g the plastic number, the real root of x^3 = x + 1.
+const STEPS: (f64, f64) = (0.754_877_666_246_692_8, 0.569_840_290_998_053_3);
+
 /// The point of sample `index` within a cell, in `0..1`: the R2 sequence (Roberts, "The Unreasonable Effectiveness of
 /// Quasirandom Sequences", 2018), which starts in the middle, so that the first sample of a pixel is its centre.
 pub fn sample_offset(index: u32) -> (f64, f64) {
-    // 1/g and 1/g^2, g the plastic number, the real root of x^3 = x + 1.
-    const STEPS: (f64, f64) = (0.754_877_666_246_692_8, 0.569_840_290_998_053_3);
     let at = |step: f64| (0.5 + f64::from(index) * step).fract();
     (at(STEPS.0), at(STEPS.1))
-}
-
-/// Calls `visit` for every ray of a tile of pixels: each pixel gets one for each of the `samples` ([`sample_offset`]).
-pub fn for_each_pixel_ray(
-    camera: &CameraRays,
-    tile: &Tile,
-    samples: Range<u32>,
-    mut visit: impl FnMut(PixelRay),
-) {
-    let grid = RayGrid::new(camera, RaysPerPixel::ONE);
-    samples.for_each(|sample| grid.for_each_ray(tile, sample, &mut visit));
 }
 
 #[cfg(test)]
@@ -184,7 +198,7 @@ mod tests {
     fn tiles_cover_every_pixel_once() {
         for (width, height) in [(1, 1), (8, 8), (9, 17), (100, 3)] {
             let mut seen = vec![0; (width * height) as usize];
-            for tile in RayGrid::new(&camera(width, height), RaysPerPixel::ONE).tiles() {
+            for tile in RayGrid::new(&camera(width, height), RaysPerPixel::ONE, Jitter::Regular).tiles() {
                 for row in tile.rows.clone() {
                     tile.columns.clone().for_each(|column| seen[(row * width + column) as usize] += 1);
                 }
@@ -198,7 +212,7 @@ mod tests {
         for (width, height, rays) in [(64, 64, "1/16"), (100, 60, "1/4"), (97, 31, "1/7"), (3, 1000, "1/64")]
         {
             let (camera, rays): (_, RaysPerPixel) = (camera(width, height), rays.parse().unwrap());
-            let grid = RayGrid::new(&camera, rays);
+            let grid = RayGrid::new(&camera, rays, Jitter::Scattered);
             let frames = 200;
             let mut count = 0;
             for (sample, tile) in
@@ -212,6 +226,27 @@ mod tests {
                 (per_frame / expected - 1.0).abs() < 0.03,
                 "{width} x {height} at {rays}: {per_frame} rays"
             );
+        }
+    }
+
+    #[test]
+    fn scattered_points_leave_no_gap_between_rows_or_columns() {
+        // A post or a beam `width` pixels wide and 48 pixels long, anywhere: middles of pixels miss most of the thin ones.
+        for width in [0.05, 0.1, 0.3] {
+            for start in 0..200u32 {
+                let at = f64::from(start) / 200.0 * (1.0 - width);
+                let is_met = |jitter: Jitter, sample: u32, upright: bool| {
+                    (0..48).any(|i| {
+                        let (column, row) = if upright { (start, i) } else { (i, start) };
+                        let (x, y) = jitter.offset(sample, column, row);
+                        (at..at + width).contains(if upright { &x } else { &y })
+                    })
+                };
+                for (sample, upright) in [(0, true), (0, false), (7, true), (1 << 24, false)] {
+                    let place = format!("{width} px wide at {at}, sample {sample}, upright {upright}");
+                    assert!(is_met(Jitter::Scattered, sample, upright), "{place}");
+                }
+            }
         }
     }
 

@@ -30,7 +30,7 @@ pub(super) struct ImageRays<'a> {
 
 impl<'a> ImageRays<'a> {
     pub fn new(scene: &QueryScene<'a>, camera: &'a CameraRays, settings: &QuerySettings) -> Self {
-        let grid = RayGrid::new(camera, settings.rays_per_pixel);
+        let grid = RayGrid::new(camera, settings.rays_per_pixel, settings.jitter);
         ImageRays { grid, tiles: grid.tiles(), filter: scene.filter, settings: *settings }
     }
 }

@@ -13,15 +13,21 @@ use voxsight::prepare::{BuildSettings, Resolution, build};
 use voxsight::progress::Silent;
 use voxsight::report::Findings;
 use voxsight::visibility::culling::{Culling, FreshQuery};
-use voxsight::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, query};
+use voxsight::visibility::{Jitter, Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, query};
 use voxsight_voxel::raycast::{GridRay, Next};
 
 use crate::common::brute_force::{Agreement, FlatScene, compare_with_brute_force};
 use crate::common::load;
 
 /// Rays per pixel of the dense reference; none goes through a centre.
-const DENSE: QuerySettings =
-    QuerySettings { rays_per_pixel: RaysPerPixel::rays(2), first_sample: 1, adaptive: false };
+const DENSE: QuerySettings = QuerySettings {
+    rays_per_pixel: RaysPerPixel::rays(2),
+    first_sample: 1,
+    jitter: Jitter::Regular,
+    adaptive: false,
+};
+/// A ray through the middle of every pixel, which is where depth images look.
+const CENTRES: QuerySettings = QuerySettings { rays_per_pixel: RaysPerPixel::ONE, first_sample: 0, ..DENSE };
 
 /// Pixels that are compared with brute force, about.
 const BRUTE_FORCE_PIXELS: u64 = 800;
@@ -88,7 +94,7 @@ pub struct Answers {
 }
 
 fn fresh(method: Method) -> Box<dyn Culling> {
-    Box::new(FreshQuery { method, settings: QuerySettings::default() })
+    Box::new(FreshQuery { method, settings: CENTRES })
 }
 
 /// The methods that draw depth images: as they come, and hiding as much as they can.
@@ -166,18 +172,17 @@ impl Trial {
         let rays = camera.rays().unwrap();
         let scene = self.loaded.query();
         let ask = |method, settings| query(&scene, &rays, method, settings);
-        let centres = QuerySettings::default();
-        let exact = ask(Method::Exact, &centres);
-        let hybrid = ask(Method::Hybrid, &centres);
+        let exact = ask(Method::Exact, &CENTRES);
+        let hybrid = ask(Method::Hybrid, &CENTRES);
         assert_eq!(hybrid, exact, "{name}: hybrid is not exact; {camera:?}");
         let dense = ask(Method::Exact, &DENSE);
         assert_eq!(ask(Method::Hybrid, &DENSE), dense, "{name}: hybrid is not exact; {camera:?}");
-        let voxel = ask(Method::Voxel, &centres);
+        let voxel = ask(Method::Voxel, &CENTRES);
         assert_eq!(voxel, first_voxels(&scene, &rays), "{name}: voxel; {camera:?}");
         // What a triangle's hit lies in is occupied.
         assert!(voxel.hits >= exact.hits, "{name}: {} of {} rays hit voxels", voxel.hits, exact.hits);
 
-        let frustum = ask(Method::Frustum, &centres);
+        let frustum = ask(Method::Frustum, &CENTRES);
         for seen in [&exact, &dense] {
             assert_eq!(lost(seen, &frustum), [0; 0], "{name}: frustum; {camera:?}");
         }
