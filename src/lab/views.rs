@@ -82,8 +82,11 @@ const ATTEMPTS: u64 = 20_000;
 const DIRECTIONS_A_PLACE: u32 = 6;
 /// Free space that an eye needs on all sides, in persons: 30 cm.
 pub(super) const EYE_ROOM: f64 = 0.18;
-/// Of the 26 probes around a place, so many must meet something, or it is in the open: more than the lower half.
+/// Of the 26 probes around a place, so many must meet something, or it is in the open: more than the lower half. A model
+/// may have no such places, being a skid or a rack: half as many will do after each [`PATIENCE`] attempts.
 const LEAST_PROBES_MET: usize = 12;
+/// Attempts before less is asked of a place.
+const PATIENCE: u64 = ATTEMPTS / 5;
 /// Of the probes that met something, more than this share on one part means inside of it.
 const ONE_PART_SHARE: f64 = 0.85;
 /// Rays a side that look at what a direction shows.
@@ -130,10 +133,11 @@ pub(super) fn inside(
     random: &mut oorandom::Rand64,
     rejected: &mut Rejected,
 ) -> Result<Camera, ViewError> {
-    for _ in 0..ATTEMPTS {
+    for attempt in 0..ATTEMPTS {
+        let least_probes = LEAST_PROBES_MET >> (attempt / PATIENCE);
         let share = DVec3::new(random.rand_float(), random.rand_float(), random.rand_float());
         let eye = space.min + share * (space.max - space.min);
-        if !is_place(space, eye, rejected) {
+        if !is_place(space, eye, least_probes, rejected) {
             continue;
         }
         for _ in 0..DIRECTIONS_A_PLACE {
@@ -160,7 +164,7 @@ pub(super) fn looking(space: &Space, eye: DVec3, direction: DVec3, (width, heigh
 }
 
 /// Does an eye fit here, in the model but not in a part of it?
-fn is_place(space: &Space, eye: DVec3, rejected: &mut Rejected) -> bool {
+fn is_place(space: &Space, eye: DVec3, least_probes: usize, rejected: &mut Rejected) -> bool {
     if space.is_occupied(eye) {
         rejected.too_close += 1;
         return false;
@@ -170,7 +174,7 @@ fn is_place(space: &Space, eye: DVec3, rejected: &mut Rejected) -> bool {
         rejected.too_close += 1;
         return false;
     }
-    if met.len() < LEAST_PROBES_MET {
+    if met.len() < least_probes {
         rejected.in_the_open += 1;
         return false;
     }
