@@ -20,14 +20,16 @@ pub const INK: RGBColor = BLACK;
 pub const PAPER: RGBColor = WHITE;
 
 /// Told apart by people with any kind of colour vision, on white and on dark grey: Okabe and Ito, "Color Universal
-/// Design", 2008, the light ones darkened a little.
-const COLOURS: [RGBColor; 7] = [
+/// Design", 2008, the light ones darkened a little, and two more.
+const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 148, 108),
     RGBColor(194, 103, 157),
     RGBColor(190, 130, 0),
     RGBColor(60, 160, 215),
+    RGBColor(110, 75, 165),
+    RGBColor(125, 80, 55),
     RGBColor(128, 128, 128),
 ];
 /// The grey one: for what is compared with.
