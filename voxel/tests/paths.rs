@@ -115,8 +115,8 @@ fn all_paths_meet_what_the_reference_meets() {
 /// Does the ray cross the brick widened by `margin` voxels?
 fn passes_near(ray: &GridRay, corner: [i32; 3], margin: f64) -> bool {
     let (mut t_in, mut t_out) = (ray.t_min, ray.t_max);
-    for k in 0..3 {
-        let (low, high) = (f64::from(corner[k]) - margin, f64::from(corner[k] + 4) + margin);
+    for (k, &corner) in corner.iter().enumerate() {
+        let (low, high) = (f64::from(corner) - margin, f64::from(corner + 4) + margin);
         let (a, b) = ((low - ray.origin[k]) / ray.direction[k], (high - ray.origin[k]) / ray.direction[k]);
         if ray.direction[k] == 0.0 {
             if !(low..=high).contains(&ray.origin[k]) {
