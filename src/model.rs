@@ -26,13 +26,15 @@ impl Colour {
     /// From linear RGB and alpha in `[0, 1]`; values outside are clamped, NaN becomes 0.
     pub fn from_linear(rgba: [f64; 4]) -> Self {
         let [r, g, b, a] = rgba.map(|c| c.clamp(0.0, 1.0));
-        // The sRGB transfer function, IEC 61966-2-1.
-        let encode = |c: f64| {
-            if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * libm::pow(c, 1.0 / 2.4) - 0.055 }
-        };
+        let [r, g, b] = [r, g, b].map(srgb_from_linear);
         // `as u8` maps NaN to 0.
-        Colour([encode(r), encode(g), encode(b), a].map(|c| (c * 255.0).round() as u8))
+        Colour([r, g, b, a].map(|c| (c * 255.0).round() as u8))
     }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1): a linear value in `0..=1` to encoded.
+pub fn srgb_from_linear(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
 }
 
 /// The inverse of the sRGB transfer function: an encoded value in `0..=1` to linear.

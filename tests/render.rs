@@ -11,7 +11,7 @@ use voxsight::camera::{Camera, Projection};
 use voxsight::loaded::LoadedScene;
 use voxsight::model::{Colour, Model, Node, Object, Part};
 use voxsight::progress::{CancelFlag, Silent};
-use voxsight::render::{Light, RenderSettings, Shadows, render};
+use voxsight::render::{KeyLight, Lighting, RenderSettings, Shadows, Sky, Sun, render};
 use voxsight::visibility::{Method, QuerySettings, query_until};
 
 /// A floor, and above it, out of the camera's sight, a box with this alpha.
@@ -38,8 +38,9 @@ fn picture(loaded: &LoadedScene, shadows: Shadows) -> image::RgbImage {
         width: 64,
         height: 64,
     };
-    let settings =
-        RenderSettings { samples_per_pixel: 1, light: Light::Sun(DVec3::Y), shadows, up: DVec3::Y };
+    let sun = Sun { direction: DVec3::Y, angle_deg: 0.0 };
+    let lighting = Lighting { key: KeyLight::Sun(sun), sky: Sky::Plain, areas: Vec::new() };
+    let settings = RenderSettings { samples_per_pixel: 1, lighting, shadows, up: DVec3::Y, seed: 0 };
     render(&loaded.picture(), &camera.rays().unwrap(), &settings, &Silent).unwrap()
 }
 
@@ -74,9 +75,10 @@ fn pictures_and_queries_stop_when_asked() {
         Camera::around(DVec3::ZERO, DVec3::splat(20.0), DVec3::ONE, DVec3::Y, 64, 64).rays().unwrap();
     let settings = RenderSettings {
         samples_per_pixel: 1,
-        light: Light::Headlight,
+        lighting: Lighting::headlight(),
         shadows: Shadows::None,
         up: DVec3::Y,
+        seed: 0,
     };
     for (stop, expected) in [(true, false), (false, true)] {
         let flag = AtomicBool::new(stop);

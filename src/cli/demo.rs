@@ -17,7 +17,7 @@ use crate::container::Axis;
 use crate::loaded::LoadedScene;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
 use crate::progress::Progress;
-use crate::render::{Light, RenderSettings, Shadows, render};
+use crate::render::{Lighting, RenderSettings, Shadows, render};
 use crate::report::Findings;
 use crate::sample::{PlantSettings, SampleCamera, cameras, plant};
 use crate::scene::Scene;
@@ -148,9 +148,10 @@ fn picture(
 ) -> Result<(), Failure> {
     let settings = RenderSettings {
         samples_per_pixel: 4,
-        light: Light::Sun(default_sun(DVec3::Y)),
-        shadows: Shadows::Voxel,
+        lighting: Lighting::sunny(default_sun(DVec3::Y)),
+        shadows: Shadows::HYBRID,
         up: DVec3::Y,
+        seed: 0,
     };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     progress.stage(&format!("render {name}"), u64::from(camera.width) * u64::from(camera.height), "pixels");

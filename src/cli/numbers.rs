@@ -58,6 +58,15 @@ pub fn parse_length(text: &str) -> Result<Length, String> {
     }
 }
 
+/// Numbers of frames: `7`, or `0-299` with both ends.
+pub fn parse_frames(text: &str) -> Result<std::ops::Range<usize>, String> {
+    let (first, last) = text.trim().split_once('-').unwrap_or((text.trim(), text.trim()));
+    match (first.trim().parse::<u32>(), last.trim().parse::<u32>()) {
+        (Ok(first), Ok(last)) if first <= last => Ok(first as usize..last as usize + 1),
+        _ => Err(format!("expected frames such as 7 or 0-299, found \"{text}\"")),
+    }
+}
+
 /// Metres of a unit name.
 pub fn metres_of_unit(unit: &str) -> Option<f64> {
     Some(match unit {

@@ -12,7 +12,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::check::{Tables, bounds_of};
 use super::error::{ContainerError, Damage, Problem};
-use super::layout::{ChunkRecord, LevelRecord, NodeRecord, ObjectRecord, PartRecord, SectionKind, StringRef};
+use super::layout::{
+    ChunkRecord, LevelRecord, NodeRecord, ObjectRecord, PartRecord, SectionKind, StringRef, TABLE_END,
+};
 use super::map;
 use super::meta::{BuildReport, Meta};
 use super::page::{self, PageError};
@@ -106,6 +108,11 @@ impl Container {
     /// The path it was opened by.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// A number that only this file's contents give: a hash of the header and the table with the checksums of all sections.
+    pub fn fingerprint(&self) -> u128 {
+        xxhash_rust::xxh3::xxh3_128(&self.map[..TABLE_END as usize])
     }
 
     /// Length of the file, bytes.

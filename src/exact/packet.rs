@@ -48,8 +48,9 @@ pub struct TriangleRays {
     /// In world space, for the boxes of drawables.
     world: BoxLanes,
     lanes: BoxLanes,
-    /// Nodes that wait, and the rays that may meet them.
+    /// Nodes that wait, and the rays that may meet them: of a chunk, and of the scene.
     stack: Vec<(u32, u64)>,
+    top_stack: Vec<(u32, u64)>,
 }
 
 /// The rays in the space of one part or of the world, where they meet a box in which all else lies.
@@ -79,6 +80,7 @@ impl Default for TriangleRays {
             world: BoxLanes::new(),
             lanes: BoxLanes::new(),
             stack: Vec::new(),
+            top_stack: Vec::new(),
         }
     }
 }
@@ -122,6 +124,40 @@ impl TriangleRays {
 }
 
 impl ExactScene {
+    /// Calls `meet` for the drawables whose boxes rays of the packet may meet before their ends, near ones first by and large.
+    /// `meet` may [`TriangleRays::shorten`] rays. The packet was filled for this scene.
+    pub fn visit_packet(&self, packet: &mut TriangleRays, mut meet: impl FnMut(u32, &mut TriangleRays)) {
+        if self.top.nodes.is_empty() {
+            return;
+        }
+        let mut stack = std::mem::take(&mut packet.top_stack);
+        stack.clear();
+        stack.push((0, packet.in_scene & packet.all()));
+        while let Some((at, rays)) = stack.pop() {
+            let node = &self.top.nodes[at as usize];
+            let rays = dispatch!(self.level, simd => packet.world.crossing(simd, rays, node.aabb()));
+            if rays == 0 {
+                continue;
+            }
+            if node.prim_count > 0 {
+                for slot in node.first_index..node.first_index + node.prim_count {
+                    meet(self.top.primitive_indices[slot as usize], packet);
+                }
+                continue;
+            }
+            let (left, right) = (node.first_index, node.first_index + 1);
+            let left_first = packet.world.comes_first(
+                rays.trailing_zeros() as usize,
+                &self.top.nodes[left as usize],
+                &self.top.nodes[right as usize],
+            );
+            let (near, far) = if left_first { (left, right) } else { (right, left) };
+            stack.push((far, rays));
+            stack.push((near, rays));
+        }
+        packet.top_stack = stack;
+    }
+
     /// [`ExactScene::closest_of`] for those of the packet's rays that are set in `rays`, each up to and including its
     /// `t[ray]`. Returns the rays that meet the drawable, and puts where into `t`; that of the others stays. The packet
     /// was filled for this scene.

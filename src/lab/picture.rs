@@ -9,7 +9,7 @@ use crate::camera::CameraRays;
 use crate::filter::Filter;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
-use crate::render::{Light, RenderScene, RenderSettings, Shadows, render};
+use crate::render::{Lighting, RenderScene, RenderSettings, Shadows, render};
 use crate::visibility::{QueryScene, QuerySettings, VisibleSet};
 
 /// Reference samples of each pixel that fall on drawables which the answer lacks, row by row.
@@ -80,9 +80,10 @@ pub fn worst_pictures(
     let lost = lost_samples_by_pixel(&scene.query(), camera, reference, answer, progress)?;
     let settings = RenderSettings {
         samples_per_pixel: SAMPLES,
-        light: Light::Headlight,
+        lighting: Lighting::headlight(),
         shadows: Shadows::None,
         up: scene.scene().meta().settings.up.unit(),
+        seed: 0,
     };
     let whole = render(&scene.picture(), camera, &settings, progress)?;
     let filter = only(answer, scene.query().filter);

@@ -1,37 +1,77 @@
-//! CPU renderer: flat shading with a headlight or a sun, hard shadows by voxel or triangle rays; object ids; depth.
+//! CPU renderer: flat shading under a headlight, or a sun, a sky and shining rectangles, with shadows by voxel or triangle
+//! rays; object ids; depth.
 //!
-//! Primary rays go to the triangles ([`crate::exact`]): this is the reference picture that others are compared with.
-//! The same settings give the same image for any number of threads.
+//! What pixels see is found as [`crate::visibility::TileTracer`] does, which is what triangles alone give: this is the
+//! reference picture that others are compared with. The same settings give the same picture for any number of threads, and
+//! rows rendered apart are the rows of the whole.
 
+pub mod file;
+mod film;
+mod light;
+mod sampling;
 mod shade;
+mod shadow;
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use glam::DVec3;
 use image::{ImageBuffer, Luma, Rgb, RgbImage};
 use rayon::prelude::*;
 
-pub use shade::{Light, Shadows};
+pub use film::{Film, FilmPixel, KINDS, LightKind, NOBODY, RayCount};
+pub use light::{AreaLight, KeyLight, Lighting, SUN_ANGLE_DEG, Sky, Sun};
+pub use sampling::MAX_SAMPLES;
+pub use shadow::Shadows;
 
 use crate::camera::CameraRays;
 use crate::exact::TriangleHit;
 use crate::model::Colour;
 use crate::progress::Progress;
 use crate::ray::Ray;
-use crate::visibility::{QueryScene, sample_offset};
+use crate::visibility::QueryScene;
+use shade::{PixelTile, Shader, TILE, TileScratch};
 
 /// Rows rendered by one task.
 const ROWS_PER_TASK: u32 = 4;
 
 /// How a picture is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
-    /// Samples per pixel, at least 1.
+    /// Samples per pixel, 1 to [`MAX_SAMPLES`]: each takes one ray from the eye and one to each light.
     pub samples_per_pixel: u32,
-    /// Where the light comes from.
-    pub light: Light,
-    /// How shadow rays are cast; only a sun casts shadows.
+    /// Where light comes from.
+    pub lighting: Lighting,
+    /// How shadow rays are cast.
     pub shadows: Shadows,
-    /// The world's up direction, for the sky's light.
+    /// The world's up direction, for the sky.
     pub up: DVec3,
+    /// Another seed, other samples.
+    pub seed: u32,
+}
+
+/// What shadow rays took, by kind of light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShadowCost {
+    /// Rays.
+    pub rays: [u64; KINDS],
+    /// Time of all threads together.
+    pub time: [Duration; KINDS],
+}
+
+impl ShadowCost {
+    fn add(&mut self, kind: LightKind, rays: u64, time: Duration) {
+        self.rays[kind as usize] += rays;
+        self.time[kind as usize] += time;
+    }
+
+    /// Both together.
+    pub fn merge(&mut self, other: &Self) {
+        for kind in LightKind::ALL {
+            self.add(kind, other.rays[kind as usize], other.time[kind as usize]);
+        }
+    }
 }
 
 /// What a picture needs of a scene.
@@ -53,24 +93,76 @@ pub struct DepthImage {
     pub far: f64,
 }
 
-/// Renders a shaded picture; `None` when cancelled.
+/// Renders rows of a picture.
+pub struct Renderer<'a> {
+    shader: Shader<'a>,
+    camera: &'a CameraRays,
+}
+
+impl<'a> Renderer<'a> {
+    /// For one picture.
+    pub fn new(scene: &'a RenderScene<'a>, camera: &'a CameraRays, settings: &'a RenderSettings) -> Self {
+        Renderer { shader: Shader::new(scene, settings, camera), camera }
+    }
+
+    /// Renders some rows of the picture, and what their shadow rays took; `None` when cancelled. Uses all threads of the
+    /// current rayon pool.
+    pub fn rows(&self, rows: Range<u32>, progress: &dyn Progress) -> Option<(Film, ShadowCost)> {
+        let width = self.camera.size().0;
+        let tiles = tiles(width, &rows);
+        let next = AtomicUsize::new(0);
+        let parts = rayon::broadcast(|_| {
+            let mut scratch = TileScratch::default();
+            let mut done: Vec<(usize, Vec<FilmPixel>)> = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(tile) = tiles.get(index) else { return Some((done, scratch.cost)) };
+                if progress.is_cancelled() {
+                    return None;
+                }
+                let pixels = self.shader.tile(tile, &mut scratch);
+                progress.advance(pixels.len() as u64);
+                done.push((index, pixels));
+            }
+        });
+        let height = rows.end.saturating_sub(rows.start);
+        let mut pixels = vec![FilmPixel::EMPTY; width as usize * height as usize];
+        let mut cost = ShadowCost::default();
+        for part in parts {
+            let (done, part_cost) = part?;
+            cost.merge(&part_cost);
+            for (index, tile_pixels) in done {
+                let tile = &tiles[index];
+                let lines = tile_pixels.chunks(tile.columns.len());
+                for (row, line) in tile.rows.clone().zip(lines) {
+                    let start = (row - rows.start) as usize * width as usize + tile.columns.start as usize;
+                    pixels[start..start + line.len()].copy_from_slice(line);
+                }
+            }
+        }
+        Some((Film { width, rows, pixels }, cost))
+    }
+}
+
+/// The tiles of some rows, row by row; on the same lattice whatever the rows.
+fn tiles(width: u32, rows: &Range<u32>) -> Vec<PixelTile> {
+    let spans = |from: u32, to: u32| {
+        (from / TILE..to.div_ceil(TILE)).map(move |i| (i * TILE).max(from)..((i + 1) * TILE).min(to))
+    };
+    spans(rows.start, rows.end)
+        .flat_map(|rows| spans(0, width).map(move |columns| PixelTile { columns, rows: rows.clone() }))
+        .collect()
+}
+
+/// Renders a picture for screens; `None` when cancelled.
 pub fn render(
     scene: &RenderScene,
     camera: &CameraRays,
     settings: &RenderSettings,
     progress: &dyn Progress,
 ) -> Option<RgbImage> {
-    let shader = shade::Shader::new(scene, settings, camera);
-    pixels(camera, progress, |column, row| {
-        let mut sum = DVec3::ZERO;
-        for sample in 0..settings.samples_per_pixel {
-            let (x, y) = sample_offset(sample);
-            let ray = camera.ray(f64::from(column) + x, f64::from(row) + y);
-            sum += shader.radiance(&ray);
-        }
-        Rgb(shade::encode(sum / f64::from(settings.samples_per_pixel)))
-    })
-    .map(|pixels| assemble(camera, pixels))
+    let (film, _) = Renderer::new(scene, camera, settings).rows(0..camera.size().1, progress)?;
+    Some(film.to_rgb8())
 }
 
 /// Renders object ids as colours, one sample in the middle of each pixel: 24 bits, red lowest, of

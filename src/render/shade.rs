@@ -1,165 +1,301 @@
-//! Light, shadow and colour of one ray.
+//! Light, shadow and colour of a tile of pixels.
+//!
+//! The rays of one sample of all pixels of a tile go together: first to what the pixels see, then from there to a point of
+//! each light. Neighbours meet the same voxels and triangles, so that they are traced as one packet.
+
+use std::time::Instant;
 
 use glam::DVec3;
-use voxsight_voxel::raycast::{GridRay, Next, RayCaster};
+use voxsight_voxel::raycast::PACKET_RAYS;
 
-use super::{RenderScene, RenderSettings};
+use super::film::{FilmPixel, KINDS, LightKind, RayCount, to_f32};
+use super::light::{KeyLight, LightSample, Sky, sky_radiance, sky_reflected, sky_sample};
+use super::sampling::{Purpose, numbers};
+use super::shadow::{ShadowRay, ShadowScratch, ShadowTracer};
+use super::{RenderScene, RenderSettings, ShadowCost, Shadows};
 use crate::camera::CameraRays;
-use crate::exact::TriangleHit;
 use crate::model::{Colour, linear_from_srgb};
 use crate::ray::Ray;
-use crate::visibility::QueryScene;
-
-/// Where the light comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Light {
-    /// From the eye, as in a CAD viewer.
-    Headlight,
-    /// From far away: the direction towards the sun, world space, any length but 0.
-    Sun(DVec3),
-}
-
-/// How shadow rays are cast.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shadows {
-    /// Not at all.
-    None,
-    /// Against the voxels.
-    Voxel,
-    /// Against the triangles.
-    Exact,
-}
+use crate::visibility::{TileHits, TileTracer};
 
 /// Transparent layers blended along one ray; more are not told apart by the eye.
 const MAX_LAYERS: usize = 16;
 
+/// Side of a tile, pixels: one packet of rays.
+pub(super) const TILE: u32 = 8;
+
+/// Pixels of a tile: columns and rows of the picture.
+#[derive(Clone, Debug)]
+pub(super) struct PixelTile {
+    pub columns: std::ops::Range<u32>,
+    pub rows: std::ops::Range<u32>,
+}
+
+impl PixelTile {
+    fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        self.rows.clone().flat_map(|row| self.columns.clone().map(move |column| (column, row)))
+    }
+}
+
+/// Room to work; one for each thread.
+#[derive(Default)]
+pub(super) struct TileScratch {
+    hits: TileHits,
+    shadow: ShadowScratch,
+    /// Rays that are not clipped away, and the pixel of the tile that each is of.
+    rays: Vec<Ray>,
+    pixels: Vec<usize>,
+    surfaces: Vec<Surface>,
+    waiting: Vec<Waiting>,
+    rays_to_light: Vec<ShadowRay>,
+    pub cost: ShadowCost,
+}
+
+/// A seen piece of surface.
+struct Surface {
+    /// Of the tile.
+    pixel: usize,
+    /// How much of what it reflects comes through the glass before it.
+    share: f64,
+    depth: f64,
+    drawable: u32,
+    point: DVec3,
+    /// On the side that is seen.
+    normal: DVec3,
+    albedo: DVec3,
+    /// Towards the eye, length 1.
+    to_eye: DVec3,
+}
+
+/// Light that waits for its shadow ray.
+struct Waiting {
+    pixel: usize,
+    light: DVec3,
+    ray: ShadowRay,
+}
+
 pub(super) struct Shader<'a> {
     scene: &'a RenderScene<'a>,
-    light: Light,
-    shadows: Shadows,
+    settings: &'a RenderSettings,
+    camera: &'a CameraRays,
+    tracer: TileTracer<'a>,
+    shadows: ShadowTracer<'a>,
     up: DVec3,
-    to_sun: DVec3,
     /// Level, at a right angle to the sun.
     across: DVec3,
-    forward: DVec3,
-    /// Start of an exact shadow ray above its surface, world units: rounding of a hit is far below it, details worth a
-    /// shadow are far above.
-    exact_offset: f64,
     /// sRGB byte to linear.
     linear: Vec<f64>,
 }
 
 impl<'a> Shader<'a> {
-    pub fn new(scene: &'a RenderScene<'a>, settings: &RenderSettings, camera: &CameraRays) -> Self {
-        let to_sun = match settings.light {
-            Light::Headlight => -camera.forward(),
-            Light::Sun(direction) => direction.normalize_or(DVec3::Y),
+    pub fn new(scene: &'a RenderScene<'a>, settings: &'a RenderSettings, camera: &'a CameraRays) -> Self {
+        let up = settings.up.normalize_or(DVec3::Y);
+        let across = match settings.lighting.key {
+            KeyLight::Sun(sun) => up.cross(sun.direction).normalize_or_zero(),
+            KeyLight::Headlight | KeyLight::None => DVec3::ZERO,
         };
         Shader {
             scene,
-            light: settings.light,
-            shadows: settings.shadows,
-            up: settings.up.normalize_or(DVec3::Y),
-            to_sun,
-            across: settings.up.cross(to_sun).normalize_or_zero(),
-            forward: camera.forward(),
-            exact_offset: scene.query.grid.voxel_size * f64::from(scene.query.grid.side()) * 1e-7,
+            settings,
+            camera,
+            tracer: TileTracer::new(&scene.query),
+            shadows: ShadowTracer::new(&scene.query, settings.shadows),
+            up,
+            across,
             linear: (0..=255).map(|byte| linear_from_srgb(f64::from(byte) / 255.0)).collect(),
         }
     }
 
-    /// Linear RGB that comes along the ray.
-    pub fn radiance(&self, ray: &Ray) -> DVec3 {
-        let exact = self.scene.query.exact;
-        let mut layers: Vec<TriangleHit> = Vec::new();
-        let opaque = exact.closest_through(ray, self.scene.query.filter, |hit| layers.push(hit));
-        let end = opaque.map_or(f64::INFINITY, |hit| hit.t);
-        layers.retain(|hit| hit.t < end);
-        layers.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.drawable.cmp(&b.drawable)));
-        layers.truncate(MAX_LAYERS);
-
-        let mut light = DVec3::ZERO;
-        let mut left = 1.0;
-        for hit in &layers {
-            let Colour([.., alpha]) = self.scene.colours[hit.drawable as usize];
-            let alpha = f64::from(alpha) / 255.0;
-            light += left * alpha * self.surface(ray, hit);
-            left *= 1.0 - alpha;
+    /// Renders the pixels of a tile, row by row.
+    pub fn tile(&self, tile: &PixelTile, scratch: &mut TileScratch) -> Vec<FilmPixel> {
+        let places: Vec<(u32, u32)> = tile.pixels().collect();
+        let mut sums = vec![DVec3::ZERO; places.len()];
+        let mut film = vec![FilmPixel::EMPTY; places.len()];
+        for sample in 0..self.settings.samples_per_pixel {
+            self.see(&places, sample, &mut sums, scratch);
+            if sample == 0 {
+                note_what_is_seen(&scratch.surfaces, &mut film);
+            }
+            self.light(&places, sample, &mut sums, &mut film, scratch);
         }
-        light + left * opaque.map_or_else(|| self.sky(ray), |hit| self.surface(ray, &hit))
+        for (pixel, sum) in film.iter_mut().zip(sums) {
+            pixel.colour = to_f32(sum / f64::from(self.settings.samples_per_pixel));
+        }
+        film
     }
 
-    /// Light reflected by a hit surface.
-    fn surface(&self, ray: &Ray, hit: &TriangleHit) -> DVec3 {
-        let Colour([r, g, b, _]) = self.scene.colours[hit.drawable as usize];
-        let albedo = DVec3::from([r, g, b].map(|c| self.linear[usize::from(c)]));
-        let normal = self.scene.query.exact.normal(hit);
-        // CAD files are careless about winding: the side that is seen is the outside.
-        let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-        match self.light {
-            Light::Headlight => {
-                let facing = -normal.dot(ray.direction.normalize_or_zero());
-                albedo * (0.12 + 0.88 * facing.max(0.0))
-            }
-            Light::Sun(_) => {
-                let sky = 0.5 + 0.5 * normal.dot(self.up);
-                let ambient = DVec3::new(0.30, 0.31, 0.34) * (0.35 + 0.65 * sky);
-                let facing = normal.dot(self.to_sun);
-                let lit = facing > 0.0 && !self.is_shadowed(ray.at(hit.t), normal);
-                let sun = if lit { DVec3::new(1.0, 0.97, 0.90) * (0.85 * facing) } else { DVec3::ZERO };
-                // A little light from the eye, so that shapes in the shade keep their form.
-                let eye = 0.14 * (-normal.dot(self.forward)).max(0.0);
-                // Light from the side, across the sun: walls at a right angle differ in the shade as well.
-                let side = 0.10 * normal.dot(self.across).abs();
-                albedo * (ambient + sun + eye + side)
+    fn numbers(&self, (column, row): (u32, u32), sample: u32, purpose: Purpose) -> [f64; 4] {
+        numbers(column, row, sample, self.settings.seed, purpose)
+    }
+
+    /// Finds what one sample of each pixel sees; where that is sky, adds it.
+    fn see(&self, places: &[(u32, u32)], sample: u32, sums: &mut [DVec3], scratch: &mut TileScratch) {
+        let TileScratch { rays, pixels, hits, surfaces, .. } = scratch;
+        rays.clear();
+        pixels.clear();
+        surfaces.clear();
+        for (pixel, &place) in places.iter().enumerate() {
+            // A single sample goes to the middle.
+            let [x, y, ..] = match self.settings.samples_per_pixel {
+                1 => [0.5; 4],
+                _ => self.numbers(place, sample, Purpose::PixelAndSun),
+            };
+            let ray = self.camera.ray(f64::from(place.0) + x, f64::from(place.1) + y);
+            match self.scene.query.filter.clipped(&ray) {
+                Some(ray) => {
+                    rays.push(ray);
+                    pixels.push(pixel);
+                }
+                None => sums[pixel] += sky_radiance(ray.direction, self.up),
             }
         }
-    }
-
-    fn is_shadowed(&self, point: DVec3, normal: DVec3) -> bool {
-        let query = &self.scene.query;
-        match self.shadows {
-            Shadows::None => false,
-            Shadows::Exact => {
-                let origin = point + normal * self.exact_offset;
-                query.exact.any(&Ray::new(origin, self.to_sun), query.filter)
+        self.tracer.trace(rays, hits);
+        let mut layers: Vec<(f64, u32)> = Vec::new();
+        for (number, (ray, &pixel)) in rays.iter().zip(pixels.iter()).enumerate() {
+            let opaque = hits.opaque(number);
+            let end = opaque.map_or(f64::INFINITY, |(_, t)| t);
+            layers.clear();
+            layers.extend(hits.through().iter().filter(|hit| hit.ray == number && hit.t < end).map(|h| (h.t, h.drawable)));
+            layers.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            layers.truncate(MAX_LAYERS);
+            let mut left = 1.0;
+            for &(t, drawable) in &layers {
+                let Colour([.., alpha]) = self.scene.colours[drawable as usize];
+                let alpha = f64::from(alpha) / 255.0;
+                surfaces.extend(self.surface(ray, drawable, t, left * alpha, pixel));
+                left *= 1.0 - alpha;
             }
-            Shadows::Voxel => {
-                // Every voxel that touches a plane lies within the plane's distance |n|_1 (voxels) of it, so that a ray
-                // that starts this high leaves the voxels of its own flat surface behind. 2/256: the widened overlap.
-                let offset = normal.abs().element_sum() * (1.0 + 2.0 / 256.0);
-                let origin = query.grid.grid_from_world(point) + normal * offset;
-                self.meets_opaque_voxel(origin)
+            match opaque {
+                Some((drawable, t)) => surfaces.extend(self.surface(ray, drawable, t, left, pixel)),
+                None => sums[pixel] += left * sky_radiance(ray.direction, self.up),
             }
         }
     }
 
-    /// Glass casts no shadow: only a voxel with an opaque owner stops the light.
-    fn meets_opaque_voxel(&self, grid_origin: DVec3) -> bool {
-        let QueryScene { grid, dag, owners, filter, exact, .. } = self.scene.query;
-        let start = grid.world_from_grid(grid_origin);
-        let Some(ray) = filter.clipped(&Ray::new(start, self.to_sun * grid.voxel_size)) else { return false };
-        let casts = |owner: u32| !exact.is_transparent(owner) && !filter.is_hidden(owner);
-        let grid_ray =
-            GridRay { origin: grid_origin, direction: self.to_sun, t_min: ray.t_min, t_max: ray.t_max };
-        let mut met = false;
-        RayCaster::new(dag).cast(&grid_ray, |hit| {
-            let owners = owners.of_brick(hit.brick_ordinal(), hit.brick_mask());
-            met = owners.of_voxel(hit.bit()).any(casts);
-            if met { Next::End } else { Next::Voxel }
-        });
-        met
+    /// The surface that a ray meets.
+    fn surface(&self, ray: &Ray, drawable: u32, t: f64, share: f64, pixel: usize) -> Option<Surface> {
+        let hit = self.tracer.triangle(ray, drawable, t);
+        debug_assert!(hit.is_some(), "packets and single rays find the same");
+        let normal = self.scene.query.exact.normal(&hit?);
+        let Colour([r, g, b, _]) = self.scene.colours[drawable as usize];
+        Some(Surface {
+            pixel,
+            share,
+            depth: t,
+            drawable,
+            point: ray.at(t),
+            // CAD files are careless about winding: the side that is seen is the outside.
+            normal: if normal.dot(ray.direction) > 0.0 { -normal } else { normal },
+            albedo: DVec3::from([r, g, b].map(|c| self.linear[usize::from(c)])),
+            to_eye: -ray.direction.normalize_or_zero(),
+        })
     }
 
-    /// A plain sky, brighter towards the horizon.
-    fn sky(&self, ray: &Ray) -> DVec3 {
-        let height = ray.direction.normalize_or_zero().dot(self.up).clamp(-1.0, 1.0);
-        DVec3::new(0.86, 0.89, 0.93).lerp(DVec3::new(0.42, 0.58, 0.80), height.max(0.0).sqrt())
+    /// Adds the light that one sample's surfaces reflect.
+    fn light(
+        &self,
+        places: &[(u32, u32)],
+        sample: u32,
+        sums: &mut [DVec3],
+        film: &mut [FilmPixel],
+        scratch: &mut TileScratch,
+    ) {
+        let lighting = &self.settings.lighting;
+        for surface in &scratch.surfaces {
+            sums[surface.pixel] += surface.share * surface.albedo * self.unshadowed(surface);
+        }
+        match lighting.key {
+            KeyLight::Headlight => return,
+            KeyLight::None => {}
+            KeyLight::Sun(sun) => self.kind(LightKind::Sun, sums, film, scratch, |surface| {
+                let [.., u, v] = self.numbers(places[surface.pixel], sample, Purpose::PixelAndSun);
+                sun.sample(surface.normal, u, v)
+            }),
+        }
+        if let Sky::Occluded { reach } = lighting.sky {
+            self.kind(LightKind::Sky, sums, film, scratch, |surface| {
+                let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Sky);
+                Some(sky_sample(surface.normal, reach, self.up, u, v))
+            });
+        }
+        for (number, area) in (0..).zip(&lighting.areas) {
+            self.kind(LightKind::Area, sums, film, scratch, |surface| {
+                let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Area(number));
+                area.sample(surface.point, surface.normal, u, v)
+            });
+        }
+    }
+
+    /// What a white surface reflects of light that casts no shadows.
+    fn unshadowed(&self, surface: &Surface) -> DVec3 {
+        let normal = surface.normal;
+        if self.settings.lighting.key == KeyLight::Headlight {
+            return DVec3::splat(0.12 + 0.88 * normal.dot(surface.to_eye).max(0.0));
+        }
+        // A little light from the eye, so that shapes in the shade keep their form; and from the side, across the sun, so that
+        // walls at a right angle differ in the shade as well.
+        let eye = 0.14 * (-normal.dot(self.camera.forward())).max(0.0);
+        let side = 0.10 * normal.dot(self.across).abs();
+        let sky = match self.settings.lighting.sky {
+            Sky::Plain => sky_reflected(normal, self.up),
+            Sky::Occluded { .. } | Sky::None => DVec3::ZERO,
+        };
+        sky + DVec3::splat(eye + side)
+    }
+
+    /// Adds the light of one kind: a sample of it for each surface, where nothing is in the way.
+    fn kind(
+        &self,
+        kind: LightKind,
+        sums: &mut [DVec3],
+        film: &mut [FilmPixel],
+        scratch: &mut TileScratch,
+        sample: impl Fn(&Surface) -> Option<LightSample>,
+    ) {
+        let TileScratch { shadow, surfaces, waiting, rays_to_light, cost, .. } = scratch;
+        waiting.clear();
+        for surface in surfaces.iter() {
+            let Some(light) = sample(surface) else { continue };
+            let reflected = surface.share * surface.albedo * light.reflected;
+            if self.settings.shadows == Shadows::None {
+                sums[surface.pixel] += reflected;
+                continue;
+            }
+            let ray = ShadowRay {
+                point: surface.point,
+                normal: surface.normal,
+                direction: light.direction,
+                distance: light.distance,
+                spread: light.spread,
+            };
+            waiting.push(Waiting { pixel: surface.pixel, light: reflected, ray });
+        }
+        for packet in waiting.chunks(PACKET_RAYS) {
+            let started = Instant::now();
+            rays_to_light.clear();
+            rays_to_light.extend(packet.iter().map(|waiting| waiting.ray));
+            let stopped = self.shadows.stopped(rays_to_light, kind != LightKind::Sky, shadow);
+            cost.add(kind, packet.len() as u64, started.elapsed());
+            for (ray, Waiting { pixel, light, .. }) in packet.iter().enumerate() {
+                let RayCount { cast, free } = &mut film[*pixel].shadow[kind as usize];
+                *cast += 1;
+                if stopped >> ray & 1 == 0 {
+                    *free += 1;
+                    sums[*pixel] += *light;
+                }
+            }
+        }
     }
 }
 
-/// Linear RGB to sRGB bytes; values above 1 are clipped.
-pub(super) fn encode(linear: DVec3) -> [u8; 3] {
-    let Colour([r, g, b, _]) = Colour::from_linear([linear.x, linear.y, linear.z, 1.0]);
-    [r, g, b]
+const _: () = assert!(LightKind::ALL.len() == KINDS);
+
+/// Depth, drawable and normal of the nearest surface of each pixel; those of a pixel come front to back.
+fn note_what_is_seen(surfaces: &[Surface], film: &mut [FilmPixel]) {
+    for surface in surfaces.iter().rev() {
+        let pixel = &mut film[surface.pixel];
+        pixel.depth = surface.depth as f32;
+        pixel.drawable = surface.drawable;
+        pixel.normal = to_f32(surface.normal);
+    }
 }

@@ -14,6 +14,7 @@ pub mod culling;
 mod exact;
 mod frustum;
 mod hybrid;
+mod nearest;
 mod sampling;
 mod source;
 mod tally;
@@ -30,6 +31,8 @@ use voxsight_voxel::grid::Grid;
 use voxsight_voxel::raycast::PACKET_RAYS;
 
 pub use accuracy::{Accuracy, ClassError, accuracy};
+pub(crate) use nearest::Asked;
+pub use nearest::{TileHits, TileTracer};
 pub use sampling::{Jitter, PixelRay, RayGrid, RaysPerPixel, Tile, sample_offset};
 
 use crate::camera::CameraRays;

@@ -7,7 +7,7 @@ use crate::ray::Ray;
 
 /// A transparent drawable on a ray's way.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Passed {
+pub(crate) struct Passed {
     /// Number of the ray in its batch.
     pub ray: usize,
     pub drawable: u32,

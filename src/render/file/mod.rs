@@ -1,0 +1,189 @@
+//! Pictures into files, rows at a time: a picture may be larger than memory.
+//!
+//! Rows are rendered in bands and kept, as they will stand in the file, in a *part file* beside it (`.NAME.part`). When all
+//! are there they are encoded, and the picture appears under its name at once. A job that was stopped or killed goes on after
+//! its last whole band when the same picture is asked for again; a finished picture of the same scene and settings is left as
+//! it is. Both are known by a fingerprint, which the picture carries.
+
+mod exr;
+mod part;
+mod png;
+
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use super::{Film, Renderer, ShadowCost};
+use crate::atomic_file::AtomicFile;
+use crate::progress::Progress;
+use part::PartFile;
+
+/// Pixels of a band, about.
+const BAND_PIXELS: u32 = 1 << 20;
+
+/// Rows that are encoded together: OpenEXR compresses 16 at a time.
+const BLOCK_ROWS: u32 = 16;
+
+/// How a picture is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Format {
+    /// sRGB for screens, 8 bits.
+    Png8,
+    /// sRGB, 16 bits.
+    Png16,
+    /// Linear, unclipped: R, G, B and the normal N.X, N.Y, N.Z in 16-bit floats; Z, the depth along the view, in 32 (infinite
+    /// where there is nothing); id, the object, in 32-bit integers (4294967295 where there is nothing).
+    Exr,
+}
+
+/// What tells one picture from every other: scene, camera, settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fingerprint(pub u128);
+
+impl Fingerprint {
+    /// As it stands in files.
+    fn text(self) -> String {
+        format!("{:032x}", self.0)
+    }
+}
+
+/// The keyword of the fingerprint in pictures.
+const KEYWORD: &str = "voxsight";
+
+/// What came of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Written {
+    /// It is there now.
+    New {
+        /// Rows that an earlier, interrupted job had rendered.
+        resumed_rows: u32,
+        /// What shadow rays took, of the other rows.
+        cost: ShadowCost,
+    },
+    /// It was there already.
+    Before,
+}
+
+/// Why a picture could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// Stopped on request. What was rendered is kept.
+    #[error("{path}: stopped after {done} of {rows} rows; the same command goes on from there")]
+    Stopped {
+        /// The picture.
+        path: PathBuf,
+        /// Rows rendered.
+        done: u32,
+        /// Rows in all.
+        rows: u32,
+    },
+    /// Another process makes the same picture.
+    #[error("{0}: another process is rendering it")]
+    Busy(PathBuf),
+    /// A file.
+    #[error("{path}: cannot {doing}: {source}")]
+    Io {
+        /// The picture, or its part file.
+        path: PathBuf,
+        /// What could not be done.
+        doing: &'static str,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+impl PictureError {
+    fn io<'p>(path: &'p Path, doing: &'static str) -> impl FnOnce(io::Error) -> Self + use<'p> {
+        move |source| PictureError::Io { path: path.to_owned(), doing, source }
+    }
+}
+
+impl Format {
+    /// Bytes of a row of so many pixels.
+    fn row_bytes(self, width: u32) -> usize {
+        let pixel = match self {
+            Format::Png8 => png::BYTES_8,
+            Format::Png16 => png::BYTES_16,
+            Format::Exr => exr::BYTES,
+        };
+        pixel * width as usize
+    }
+
+    /// The rows as the encoder takes them.
+    fn encode(self, film: &Film, object_of: &dyn Fn(u32) -> u32) -> Vec<u8> {
+        match self {
+            Format::Png8 => png::encode_8(film),
+            Format::Png16 => png::encode_16(film),
+            Format::Exr => exr::encode(film, object_of),
+        }
+    }
+
+    /// The fingerprint of a picture that is there; `None` when there is none, or one of other make.
+    fn fingerprint_of(self, path: &Path) -> Option<Fingerprint> {
+        // Whatever cannot be read is not the picture, and is replaced like any other file.
+        let text = match self {
+            Format::Png8 | Format::Png16 => png::keyword(path),
+            Format::Exr => exr::keyword(path),
+        }?;
+        u128::from_str_radix(&text, 16).ok().map(Fingerprint)
+    }
+}
+
+/// Renders a picture into a file. `object_of` maps drawables to the objects that [`Format::Exr`] stores. Tells `progress`
+/// of pixels; of all of a picture that is there.
+///
+/// # Errors
+///
+/// Stopped; the file or its part file cannot be written; another process makes it.
+pub fn render_to_file(
+    renderer: &Renderer,
+    path: &Path,
+    format: Format,
+    fingerprint: Fingerprint,
+    object_of: &dyn Fn(u32) -> u32,
+    progress: &dyn Progress,
+) -> Result<Written, PictureError> {
+    let (width, height) = renderer.camera.size();
+    // The format is part of what tells pictures apart.
+    let fingerprint = Fingerprint(fingerprint.0 ^ format as u128);
+    if format.fingerprint_of(path) == Some(fingerprint) {
+        progress.advance(u64::from(width) * u64::from(height));
+        return Ok(Written::Before);
+    }
+    let band_rows = (BAND_PIXELS / width).next_multiple_of(super::shade::TILE).max(super::shade::TILE);
+    let mut part = PartFile::open(path, fingerprint, [width, height, band_rows], format.row_bytes(width))?;
+    let resumed_rows = part.rows();
+    progress.advance(u64::from(width) * u64::from(resumed_rows));
+    let mut cost = ShadowCost::default();
+    while part.rows() < height {
+        let rows = part.rows()..(part.rows() + band_rows).min(height);
+        let Some((film, band_cost)) = renderer.rows(rows, progress) else {
+            let (path, done) = (path.to_owned(), part.rows());
+            return Err(PictureError::Stopped { path, done, rows: height });
+        };
+        cost.merge(&band_cost);
+        part.append(&format.encode(&film, object_of))?;
+    }
+    let file = AtomicFile::create(path).map_err(PictureError::io(path, "write"))?;
+    let mut rows = |range: Range<u32>| part.read(range);
+    let file = match format {
+        Format::Png8 => png::write(file, [width, height], ::png::BitDepth::Eight, fingerprint, &mut rows),
+        Format::Png16 => png::write(file, [width, height], ::png::BitDepth::Sixteen, fingerprint, &mut rows),
+        Format::Exr => exr::write(file, [width, height], fingerprint, &mut rows),
+    };
+    let file = file.map_err(PictureError::io(path, "write"))?;
+    file.commit().map_err(|error| PictureError::io(path, "write")(error.into()))?;
+    part.remove()?;
+    Ok(Written::New { resumed_rows, cost })
+}
+
+/// Opens a file for reading, if it is there.
+fn open(path: &Path) -> Option<io::BufReader<File>> {
+    File::open(path).ok().map(io::BufReader::new)
+}
+
+/// Rows in blocks of [`BLOCK_ROWS`].
+fn blocks(height: u32) -> impl Iterator<Item = Range<u32>> {
+    (0..height).step_by(BLOCK_ROWS as usize).map(move |row| row..(row + BLOCK_ROWS).min(height))
+}

@@ -1,0 +1,138 @@
+//! The part file: bands of a picture that is not finished.
+//!
+//! A header of 64 bytes (magic, fingerprint, width, height, rows of a band, bytes of a row), then band after band, each
+//! followed by a checksum of 8 bytes. What a killed job left of its last band is cut off when another goes on.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::{Fingerprint, PictureError};
+
+const MAGIC: [u8; 8] = *b"VXSPART1";
+const HEADER_BYTES: u64 = 64;
+const CHECKSUM_BYTES: u64 = 8;
+
+/// An opened part file. Its lock tells other processes that somebody is at work.
+pub(super) struct PartFile {
+    path: PathBuf,
+    file: File,
+    height: u32,
+    band_rows: u32,
+    row_bytes: usize,
+    /// Whole rows that are there.
+    rows: u32,
+}
+
+impl PartFile {
+    /// Opens the part file of a picture, or begins one. `size` is width, height, and rows of a band.
+    pub fn open(
+        picture: &Path,
+        fingerprint: Fingerprint,
+        size: [u32; 3],
+        row_bytes: usize,
+    ) -> Result<Self, PictureError> {
+        let path = part_path(picture);
+        let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(PictureError::io(&path, "open"))?;
+        match file.try_lock() {
+            // Where locks are not supported nobody is kept from anything.
+            Ok(()) | Err(TryLockError::Error(_)) => {}
+            Err(TryLockError::WouldBlock) => return Err(PictureError::Busy(picture.to_owned())),
+        }
+        let [_, height, band_rows] = size;
+        let mut part = PartFile { path, file, height, band_rows, row_bytes, rows: 0 };
+        let header = header(fingerprint, size, row_bytes);
+        let begun = part.resume(&header);
+        begun.map_err(PictureError::io(&part.path, "read"))?;
+        Ok(part)
+    }
+
+    /// Whole rows that are there.
+    pub fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// Takes over what is there, if it is of this picture, up to the last whole band.
+    fn resume(&mut self, header: &[u8]) -> io::Result<()> {
+        let mut found = Vec::new();
+        (&self.file).take(HEADER_BYTES).read_to_end(&mut found)?;
+        if found != header {
+            self.file.set_len(0)?;
+            self.file.seek(SeekFrom::Start(0))?;
+            return self.file.write_all(header);
+        }
+        while self.rows < self.height {
+            let rows = self.band_rows.min(self.height - self.rows) as usize;
+            let mut band = vec![0; rows * self.row_bytes + CHECKSUM_BYTES as usize];
+            match self.file.read_exact(&mut band) {
+                Ok(()) => {}
+                Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => break,
+                Err(error) => return Err(error),
+            }
+            let (bytes, checksum) = band.split_at(rows * self.row_bytes);
+            if xxh3_64(bytes).to_le_bytes() != checksum {
+                break;
+            }
+            self.rows += rows as u32;
+        }
+        self.file.set_len(self.offset(self.rows))
+    }
+
+    /// Where a band that begins with this row lies.
+    fn offset(&self, row: u32) -> u64 {
+        let bands = u64::from(row.div_ceil(self.band_rows));
+        HEADER_BYTES + u64::from(row) * self.row_bytes as u64 + bands * CHECKSUM_BYTES
+    }
+
+    /// Adds the next band.
+    pub fn append(&mut self, bytes: &[u8]) -> Result<(), PictureError> {
+        let rows = self.band_rows.min(self.height - self.rows);
+        debug_assert_eq!(bytes.len(), rows as usize * self.row_bytes);
+        let mut write = || {
+            self.file.seek(SeekFrom::Start(self.offset(self.rows)))?;
+            self.file.write_all(bytes)?;
+            self.file.write_all(&xxh3_64(bytes).to_le_bytes())
+        };
+        write().map_err(PictureError::io(&self.path, "write"))?;
+        self.rows += rows;
+        Ok(())
+    }
+
+    /// Some rows that are there.
+    pub fn read(&mut self, rows: Range<u32>) -> io::Result<Vec<u8>> {
+        let mut bytes = vec![0; rows.len() * self.row_bytes];
+        for (row, line) in rows.zip(bytes.chunks_mut(self.row_bytes.max(1))) {
+            let band = row / self.band_rows * self.band_rows;
+            let within = u64::from(row - band) * self.row_bytes as u64;
+            self.file.seek(SeekFrom::Start(self.offset(band) + within))?;
+            self.file.read_exact(line)?;
+        }
+        Ok(bytes)
+    }
+
+    /// Removes it: the picture is finished.
+    pub fn remove(self) -> Result<(), PictureError> {
+        std::fs::remove_file(&self.path).map_err(PictureError::io(&self.path, "remove"))
+    }
+}
+
+/// `.NAME.part`, beside the picture.
+fn part_path(picture: &Path) -> PathBuf {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(picture.file_name().unwrap_or_default());
+    name.push(".part");
+    picture.with_file_name(name)
+}
+
+fn header(fingerprint: Fingerprint, size: [u32; 3], row_bytes: usize) -> Vec<u8> {
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(fingerprint.0.to_le_bytes());
+    size.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    bytes.extend((row_bytes as u64).to_le_bytes());
+    bytes.resize(HEADER_BYTES as usize, 0);
+    bytes
+}
