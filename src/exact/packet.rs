@@ -117,6 +117,22 @@ impl TriangleRays {
         self.world.shorten(ray, t);
     }
 
+    /// How far apart neighbouring rays of a tile are, by and large, where the first of them enters the scene's box; world
+    /// units. 0 when none does.
+    pub fn spacing(&self) -> f64 {
+        let first = self.in_scene.trailing_zeros() as usize;
+        if first >= LANES || self.count < 2 {
+            return 0.0;
+        }
+        let last = self.count - 1;
+        let apart = |of: &[[f64; LANES]; 3]| {
+            DVec3::from([0, 1, 2].map(|k: usize| of[k][last] - of[k][0])).length()
+        };
+        // From the first ray of a square tile to the last is its diagonal.
+        let diagonal = apart(&self.origin) + apart(&self.direction) * self.world.t_enter[first];
+        diagonal / (2.0 * self.count as f64).sqrt()
+    }
+
     /// All rays, as bits.
     pub fn all(&self) -> u64 {
         if self.count == 0 { 0 } else { u64::MAX >> (LANES - self.count) }

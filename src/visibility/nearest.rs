@@ -1,5 +1,6 @@
 //! Nearest hits of the rays of a tile: voxels along the rays name the candidates, front to back; each candidate's triangles
-//! are asked once a tile, for all its rays together. The nearest hit wins as soon as the ray has come to it.
+//! are asked once a tile, for all its rays together. The nearest hit wins as soon as the ray has come to it. Where voxels are
+//! finer than the rays are apart, boxes do what voxels do.
 //!
 //! Every voxel that a triangle touches knows it as owner, so that this finds what
 //! [`ExactScene`](crate::exact::ExactScene) finds: the voxel that holds the nearest hit is entered before the walk ends.
@@ -11,6 +12,11 @@ use super::tally::Passed;
 use super::voxel::grid_ray;
 use crate::exact::{TriangleHit, TriangleRays};
 use crate::ray::Ray;
+
+/// Where the rays of a tile enter the scene farther apart than this, in voxels, each ray would cross bricks of its own, and
+/// most of what is in them lies between the rays: there the boxes of drawables name the candidates, which is quicker from
+/// outside (0.8 of the time on a plant of 12 M triangles at 4096^3) and slower inside (1.2 to 1.5 times). The answer is the same.
+const VOXELS_BETWEEN_RAYS: f64 = 1.5;
 
 /// No drawable.
 const NOBODY: u32 = u32::MAX;
@@ -117,7 +123,7 @@ impl<'a> TileTracer<'a> {
             state.t[i] = ray.t_max;
             state.slack[i] = 0.5 * self.scene.grid.voxel_size / ray.direction.length();
         }
-        if std::env::var_os("BOXES").is_some() {
+        if triangles.spacing() > VOXELS_BETWEEN_RAYS * self.scene.grid.voxel_size {
             self.scene.exact.visit_packet(triangles, |drawable, triangles| {
                 self.ask(state, triangles, drawable, |_, _| ());
             });
