@@ -25,6 +25,7 @@ pub mod picture;
 pub mod plots;
 pub mod report;
 pub mod run;
+pub mod shadows;
 pub mod space;
 pub mod statistics;
 pub mod svg;
