@@ -222,6 +222,12 @@ impl Plane {
         let farthest = DVec3::select(self.normal.cmpge(DVec3::ZERO), max, min);
         self.normal.dot(farthest - self.point) >= 0.0
     }
+
+    /// Is all of the box inside?
+    pub fn holds(&self, min: DVec3, max: DVec3) -> bool {
+        let nearest = DVec3::select(self.normal.cmpge(DVec3::ZERO), min, max);
+        self.normal.dot(nearest - self.point) >= 0.0
+    }
 }
 
 impl CameraRays {

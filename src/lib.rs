@@ -11,7 +11,7 @@
 //! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and
 //!   how wrong the answer is; [`render`] makes a picture of it.
 //! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with. `lab`
-//!   (feature `cli`) runs methods over many views and reports run time against error.
+//!   (a feature) runs methods over many views and reports run time against error.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
 //!   files appear whole or not at all.
 //!
@@ -31,7 +31,7 @@ pub mod export;
 pub mod filter;
 pub mod geometry;
 pub mod import;
-#[cfg(feature = "cli")]
+#[cfg(feature = "lab")]
 pub mod lab;
 pub mod loaded;
 pub mod model;

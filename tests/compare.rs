@@ -345,6 +345,67 @@ fn walks_and_paths_are_compared_frame_by_frame() {
 }
 
 #[test]
+fn every_method_takes_part_and_its_figures_make_sense() {
+    let sample = Sample::new();
+    let scene = sample.path("plant.vxs");
+    let names = "frustum,voxel,hybrid,adaptive,coherent,coherent-voxel,hzm,hzb";
+    ok(&[
+        "compare",
+        &scene,
+        "-q",
+        "-o",
+        &sample.path("all"),
+        "--methods",
+        names,
+        "--rays",
+        "1/4,1",
+        "--walk",
+        "3",
+        "--size",
+        "80x60",
+        "--repeats",
+        "1",
+        "--still",
+        "4",
+        "--reference",
+        "hybrid",
+    ]);
+    let report: Value = serde_json::from_str(&sample.read("all/report.json")).unwrap();
+    assert_eq!(report["settings"]["reference_method"], "hybrid");
+    assert!(report["files"].as_array().unwrap().contains(&"frames.svg".into()), "a way has a chart by frame");
+    let methods = report["methods"].as_array().unwrap();
+    assert_eq!(methods.len(), 1 + 5 * 2 + 2 + 2, "boxes take no rays");
+    let named = |name: &str, rays: f64| {
+        let is = |m: &&Value| {
+            m["method"] == name && (m["rays_per_pixel"].is_null() || m["rays_per_pixel"] == rays)
+        };
+        methods.iter().find(is).unwrap_or_else(|| panic!("{name} {rays}"))
+    };
+    let mean = |method: &Value, figure: &str| method[figure]["mean"].as_f64().unwrap();
+    for method in methods {
+        let frames = method["frames"].as_array().unwrap();
+        let with_loss = frames.iter().filter(|frame| frame["wrongly_hidden"] != 0).count();
+        assert_eq!(method["views_with_loss"], with_loss, "{}", method["method"]);
+        let rays: f64 = frames.iter().map(|frame| frame["rays"].as_f64().unwrap()).sum::<f64>() / 3.0;
+        assert_eq!(method["rays_cast"].as_f64().unwrap(), rays);
+    }
+    // A method that forgets is shown one frame; one that remembers four of 1/4 ray, and some questions.
+    assert_eq!(named("hybrid", 0.25)["rays_cast"], 80.0 * 60.0 / 4.0);
+    let coherent = named("coherent", 0.25);
+    let cast = coherent["rays_cast"].as_f64().unwrap();
+    assert!((80.0 * 60.0..=80.0 * 60.0 * 1.25).contains(&cast), "{cast}");
+    assert!(coherent["times_the_floor"].is_null() && named("hybrid", 0.25)["times_the_floor"] == 1.0);
+    assert!(mean(coherent, "lost_pixels") < mean(named("hybrid", 0.25), "lost_pixels"), "it remembers");
+    for boxes in ["hzm", "hzb"] {
+        let boxes = named(boxes, 0.0);
+        assert_eq!(boxes["rays_cast"], 0.0);
+        assert!(mean(boxes, "culled_of_hidden") > 0.0 && mean(boxes, "lost_pixels") < 0.01, "{boxes}");
+        assert!(mean(boxes, "needlessly_drawn") > mean(named("hybrid", 1.0), "needlessly_drawn"));
+    }
+    assert_eq!(mean(named("frustum", 0.0), "culled_of_hidden"), 0.0);
+}
+
+#[test]
 fn bad_arguments_are_refused_with_a_reason_before_the_work() {
     let sample = Sample::new();
     let (scene, out) = (sample.path("plant.vxs"), sample.path("out"));
@@ -453,7 +514,7 @@ fn random_scene(seed: u64, folder: &Path) -> (LoadedScene, Vec<View>) {
 }
 
 fn variant(method: &str) -> Variant {
-    Variant { method: method.into(), rays_per_pixel: None, resolution: None }
+    Variant { method: method.into(), rays_per_pixel: None, resolution: None, keeps_state: false }
 }
 
 #[test]

@@ -16,7 +16,7 @@ use crate::lab::keyframes::CameraPath;
 use crate::lab::methods::{FLOOR, MethodKind, Variant};
 use crate::lab::page::{PageParts, WorstPage, page, percent};
 use crate::lab::picture::{WorstPictures, at_most_wide, worst_pictures};
-use crate::lab::plots::{pareto, spread, stages};
+use crate::lab::plots::{frames, pareto, spread, stages};
 use crate::lab::report::{Report, ReportSettings};
 use crate::lab::run::{Contestant, LEAST_REFERENCE_RAYS, Outcome, RunSettings, run};
 use crate::lab::space::Space;
@@ -68,7 +68,7 @@ pub struct Compare {
     /// Passes over all views; the median time counts
     #[arg(long, default_value = "3", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
-    /// Frames that each view is shown; methods that keep what they found are judged and timed by the last
+    /// Frames that each view is shown to methods that keep what they found: judged by the last, timed over all
     #[arg(long, default_value = "1", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     still: u32,
     /// Folder for the report: new, empty, or with an earlier report
@@ -156,6 +156,7 @@ impl Compare {
                         method: culling.name(),
                         rays_per_pixel: kind.takes_rays.then_some(rays),
                         resolution: kind.uses_voxels.then(|| scene.scene().grid().side()),
+                        keeps_state: kind.keeps_state,
                     };
                     if !contestants.iter().any(|other| other.variant == variant) {
                         contestants.push(Contestant { variant, scene, culling });
@@ -272,10 +273,19 @@ fn files(
             files.push((format!("worst-{}-{what}.png", method.variant.method), png(image)?));
         }
     }
-    let parts =
-        PageParts { pareto: pareto(report)?, stages: stages(report)?, spread: spread(report)?, worst };
+    let frames = report.settings.is_path.then(|| frames(report)).transpose()?;
+    let parts = PageParts {
+        pareto: pareto(report)?,
+        stages: stages(report)?,
+        spread: spread(report)?,
+        frames,
+        worst,
+    };
     for (name, svg) in [("pareto", &parts.pareto), ("stages", &parts.stages), ("spread", &parts.spread)] {
         files.push((format!("{name}.svg"), svg.clone().into_bytes()));
+    }
+    if let Some(svg) = &parts.frames {
+        files.push(("frames.svg".into(), svg.clone().into_bytes()));
     }
     files.push(("frames.csv".into(), frames_csv(report).into_bytes()));
     files.push(("report.html".into(), page(report, &parts).into_bytes()));

@@ -3,13 +3,14 @@
 use super::report::Report;
 
 /// Names of the columns; times are the last ones.
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 25] = [
     "view",
     "name",
     "method",
     "rays_per_pixel",
     "resolution",
     "is_floor",
+    "rays",
     "in_frustum",
     "reference",
     "answer",
@@ -46,6 +47,7 @@ pub fn frames_csv(report: &Report) -> String {
                 or_empty(method.variant.rays_per_pixel.map(|rays| rays.get().to_string())),
                 or_empty(method.variant.resolution.map(|resolution| resolution.to_string())),
                 method.is_floor.to_string(),
+                frame.rays.to_string(),
                 view.facts.in_frustum.to_string(),
                 accuracy.reference.to_string(),
                 accuracy.answer.to_string(),

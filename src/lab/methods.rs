@@ -23,6 +23,8 @@ pub struct MethodKind {
     pub takes_rays: bool,
     /// The voxels' resolution is a parameter of it.
     pub uses_voxels: bool,
+    /// It keeps what earlier frames found.
+    pub keeps_state: bool,
     make: Make,
 }
 
@@ -32,15 +34,15 @@ type Make = fn(&LoadedScene, RaysPerPixel) -> Box<dyn Culling>;
 /// Every method. Adding one is a line here.
 #[rustfmt::skip]
 pub static METHODS: &[MethodKind] = &[
-    MethodKind { name: "frustum", about: "boxes against the view pyramid, no occlusion", takes_rays: false, uses_voxels: false, make: |_, _| fresh(Method::Frustum, RaysPerPixel::ONE, false) },
-    MethodKind { name: "voxel", about: "the first occupied voxel along each ray wins", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Voxel, rays, false) },
-    MethodKind { name: "hybrid", about: "voxels propose, their triangles decide", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Hybrid, rays, false) },
-    MethodKind { name: "adaptive", about: "hybrid, whose rays beyond the first a pixel go where drawables change", takes_rays: true, uses_voxels: true, make: |_, rays| fresh(Method::Hybrid, rays, true) },
-    MethodKind { name: "coherent", about: "hybrid, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, make: |_, rays| coherent(Method::Hybrid, rays) },
-    MethodKind { name: "coherent-voxel", about: "voxel, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, make: |_, rays| coherent(Method::Voxel, rays) },
-    MethodKind { name: "hzm", about: "boxes against the depth of a few good occluders (Peng and Cao 2013)", takes_rays: false, uses_voxels: false, make: hzm },
-    MethodKind { name: "hzb", about: "boxes against the depth of what the last frame saw, in two passes", takes_rays: false, uses_voxels: false, make: hzb },
-    MethodKind { name: "exact", about: "rays against all triangles", takes_rays: true, uses_voxels: false, make: |_, rays| fresh(Method::Exact, rays, false) },
+    MethodKind { name: "frustum", about: "boxes against the view pyramid, no occlusion", takes_rays: false, uses_voxels: false, keeps_state: false, make: |_, _| fresh(Method::Frustum, RaysPerPixel::ONE, false) },
+    MethodKind { name: "voxel", about: "the first occupied voxel along each ray wins", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Voxel, rays, false) },
+    MethodKind { name: "hybrid", about: "voxels propose, their triangles decide", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Hybrid, rays, false) },
+    MethodKind { name: "adaptive", about: "hybrid, whose rays beyond the first a pixel go where drawables change", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Hybrid, rays, true) },
+    MethodKind { name: "coherent", about: "hybrid, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, keeps_state: true, make: |_, rays| coherent(Method::Hybrid, rays) },
+    MethodKind { name: "coherent-voxel", about: "voxel, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, keeps_state: true, make: |_, rays| coherent(Method::Voxel, rays) },
+    MethodKind { name: "hzm", about: "boxes against the depth of a few good occluders (Peng and Cao 2013)", takes_rays: false, uses_voxels: false, keeps_state: false, make: hzm },
+    MethodKind { name: "hzb", about: "boxes against the depth of what the last frame saw, in two passes", takes_rays: false, uses_voxels: false, keeps_state: true, make: hzb },
+    MethodKind { name: "exact", about: "rays against all triangles", takes_rays: true, uses_voxels: false, keeps_state: false, make: |_, rays| fresh(Method::Exact, rays, false) },
 ];
 
 /// The method that is the sampling floor: the truth at the same rays.
@@ -97,6 +99,8 @@ pub struct Variant {
     pub rays_per_pixel: Option<RaysPerPixel>,
     /// Voxels a side; `None` where the method does not use them.
     pub resolution: Option<u32>,
+    /// It keeps what earlier frames found.
+    pub keeps_state: bool,
 }
 
 impl Variant {

@@ -7,7 +7,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use super::html::Html;
-use super::plots::{about, milliseconds};
+use super::plots::{about, milliseconds, plain};
 use super::report::{MethodReport, NamedLoss, Report};
 use super::statistics::Distribution;
 use crate::visibility::Method;
@@ -20,6 +20,8 @@ pub struct PageParts {
     pub stages: String,
     /// [`super::plots::spread`].
     pub spread: String,
+    /// [`super::plots::frames`], of a path.
+    pub frames: Option<String>,
     /// Pictures of the worst views.
     pub worst: Vec<WorstPage>,
 }
@@ -107,7 +109,7 @@ fn in_short(html: &mut Html, report: &Report) {
         }
         html.text(&format!("; draws {} of its drawables for nothing", percent(method.needlessly_drawn.mean)));
         if method.is_floor {
-            html.text(". This is the sampling floor: what no method can find with these rays");
+            html.text(". This is the sampling floor: what triangles tell with these rays");
         }
         html.text(".").close();
     }
@@ -119,8 +121,8 @@ fn summary(html: &mut Html, report: &Report) {
     html.open("div", &[("class", "scroll")]).open("table", &[("id", "summary")]).open("thead", &[]);
     html.open("tr", &[]).element("th", &[], "");
     let groups = [
-        ("2", "time a view"),
-        ("4", "lost pixels"),
+        ("3", "a view"),
+        ("5", "lost pixels"),
         ("4", "wrongly hidden, of drawables with"),
         ("3", "drawn for nothing"),
     ];
@@ -129,12 +131,14 @@ fn summary(html: &mut Html, report: &Report) {
     }
     html.close().open("tr", &[]).element("th", &[("class", "name")], "method");
     let columns = [
-        "median",
-        "95 %",
+        "time, median",
+        "time, 95 %",
+        "rays a pixel",
         "mean",
         "95 %",
         "worst",
         "\u{d7} floor",
+        "views with loss",
         "any",
         "\u{2265} 1 px",
         "\u{2265} 4 px",
@@ -148,14 +152,15 @@ fn summary(html: &mut Html, report: &Report) {
     }
     html.close().close().open("tbody", &[]);
     for (index, method) in report.methods.iter().enumerate() {
-        summary_row(html, index, method);
+        summary_row(html, report, index, method);
     }
     html.close().close().close();
-    let text = "Means over views unless said otherwise. Rows on grey are the sampling floor.";
+    let text = "Means over views unless said otherwise; a view that shows no drawable of a size has no part in that column. \
+                Rows on grey are the sampling floor.";
     html.element("p", &[("class", "soft")], text).close();
 }
 
-fn summary_row(html: &mut Html, index: usize, method: &MethodReport) {
+fn summary_row(html: &mut Html, report: &Report, index: usize, method: &MethodReport) {
     let index = index.to_string();
     let class = if method.is_floor { "floor" } else { "method" };
     html.open("tr", &[("class", class), ("data-method", &index)]);
@@ -164,14 +169,20 @@ fn summary_row(html: &mut Html, index: usize, method: &MethodReport) {
         html.element("td", &[("class", "time")], &milliseconds(seconds));
     }
     let lost = &method.lost_pixels;
+    let rays_a_pixel = match method.rays_cast {
+        0.0 => "\u{2013}".into(),
+        rays => plain(rays / report.pixels_a_view()),
+    };
     let mut figure = |name: &str, text: &str| {
         html.element("td", &[("data-figure", name)], text);
     };
+    figure("rays_cast", &rays_a_pixel);
     figure("lost_pixels.mean", &percent(lost.mean));
     figure("lost_pixels.p95", &percent(lost.p95));
     figure("lost_pixels.worst", &percent(lost.worst));
     let ratio = method.times_the_floor.map_or_else(|| "\u{2013}".into(), |ratio| format!("{ratio:.2}"));
     figure("times_the_floor", &ratio);
+    figure("views_with_loss", &method.views_with_loss.to_string());
     figure("wrongly_hidden.mean", &percent(method.wrongly_hidden.mean));
     for class in &method.classes {
         figure(&format!("wrongly_hidden_{}px.mean", class.at_least_px), &percent(class.wrongly_hidden.mean));
@@ -211,8 +222,9 @@ fn papers(html: &mut Html, report: &Report) {
     }
     html.close().close().close();
     let text = "Peng and Cao 2013, table 4: hzm culled 8.8 % of a Boeing 777 and exact occlusion culling 15.0 %, so that it culled \
-                58.3 % of what is hidden. Xue et al. 2016, section 3.3: of visible objects of at most 200 vertices, voxels \
-                found 7 % hidden and queries by boxes 38 %. Means over views; other scenes and other cameras.";
+                58.3 % of what is hidden. Xue et al. 2016, section 4.1: visible objects, typically of 200 vertices or less, \
+                were taken for hidden 7 % of the time by voxels and 38 % of the time by boxes; here small parts are objects of \
+                at most 200 vertices. Means over the views that have such parts; other scenes and other cameras.";
     html.element("p", &[("class", "soft")], text).close();
 }
 
@@ -241,11 +253,13 @@ fn how_to_read(html: &mut Html, report: &Report) {
         ),
         (
             "Culled",
-            "the share of the drawables in the view pyramid that the method leaves out. Without occlusion culling it is none.",
+            "the share of the drawables whose boxes meet the view pyramid that the method leaves out; of views with any.",
         ),
         (
             "Sampling floor",
-            "what exact rays lose with as many rays: specks that lie between them. No method can do better with these rays; \u{d7} floor says how much worse it does.",
+            "what exact rays lose with as many rays in one frame: specks that lie between them. \u{d7} floor says how much more a \
+             method loses; below 1, voxels thicker than what is in them caught specks that rays missed. Methods that keep \
+             what earlier frames found had more rays, and have no such figure.",
         ),
     ];
     html.open("section", &[]).element("h2", &[], "How to read this").element("p", &[], &reference);
@@ -261,12 +275,21 @@ fn charts(html: &mut Html, parts: &PageParts) {
             "time",
             "Time and error",
             &parts.pareto,
-            "Each point is a number of rays per pixel, written beside it; each curve a method. 0 is its own line below the decades.",
+            "Each point is a number of rays per pixel, written beside it; each curve a method. 0 is its own line below the \
+             decades. A method is good in both charts or not at all: to draw everything loses nothing.",
         ),
         ("spread", "How errors are spread", &parts.spread, "A method is as good as its bad views."),
         ("time", "Stages", &parts.stages, "What a faster machine, or a better stage, would change."),
     ];
-    for (class, title, svg, caption) in charts {
+    let frames = parts.frames.iter().map(|svg| {
+        (
+            "",
+            "Frame by frame",
+            svg,
+            "A loss that lasts for some frames is seen; one that comes and goes flickers.",
+        )
+    });
+    for (class, title, svg, caption) in charts.into_iter().chain(frames) {
         html.open("section", &[]).element("h2", &[], title).open("figure", &[("class", class)]);
         html.trusted(svg).element("figcaption", &[], caption).close().close();
     }
@@ -367,7 +390,7 @@ fn how_it_was_done(html: &mut Html, report: &Report) {
     let settings = &report.settings;
     let order = if settings.is_path { "frames of one way, in order" } else { "views of their own" };
     let text = format!(
-        "Version {}. {}: {} {order}, seed {}. Times are of {} threads, each the median of {} passes; every method goes \
+        "Version {}. {}: {} {order}, seed {}. Times are of {} threads, each the median of {} passes (of an even number the quicker one in the middle); every method goes \
          through all views in a row, and passes alternate between methods.",
         report.voxsight,
         settings.views,
@@ -379,7 +402,8 @@ fn how_it_was_done(html: &mut Html, report: &Report) {
     html.element("p", &[("class", "time")], &text);
     if settings.run.frames_a_view > 1 {
         let text = format!(
-            "Each view was shown for {} frames; methods that keep what they found are judged and timed by the last.",
+            "Each view was shown for {} frames to methods that keep what they found: they are judged by the last, and their \
+             times are those of all of them together.",
             settings.run.frames_a_view
         );
         html.element("p", &[], &text);
@@ -396,6 +420,13 @@ fn how_it_was_done(html: &mut Html, report: &Report) {
             grouped(rejected.at_nothing),
         );
         html.element("p", &[], &text);
+        if rejected.kept_in_the_open > 0 {
+            let text = format!(
+                "For {} views no place with enough around it was found; they are in the open, and named so.",
+                grouped(rejected.kept_in_the_open)
+            );
+            html.element("p", &[], &text);
+        }
     }
     let visible: Vec<f64> = report.views.iter().map(|view| view.facts.reference as f64).collect();
     let within: Vec<f64> = report.views.iter().map(|view| view.facts.in_frustum as f64).collect();

@@ -5,6 +5,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::chart::{Axis, Chart, Curve, Point, charts_svg};
 use super::methods::{FLOOR, METHODS};
+use super::page::percent;
 use super::report::{MethodReport, Report};
 use super::svg::{GREY, INK, SvgError, colour, drawn};
 
@@ -15,28 +16,50 @@ const ROW: i32 = 26;
 /// Room for the names of methods at the left.
 const NAMES: i32 = 210;
 
-/// Time against lost pixels, a curve for each method and resolution: left and below is better.
+/// Time against both errors, a curve for each method and resolution: left and below is better, in both charts.
 ///
 /// # Errors
 ///
 /// Drawing failed.
 pub fn pareto(report: &Report) -> Result<String, SvgError> {
+    let chart = |title: &str, y: &str, error: &dyn Fn(&MethodReport) -> f64| Chart {
+        title: title.into(),
+        x: Axis { label: "milliseconds a view (median)".into(), name: plain, marks_at_points: false },
+        y: Axis { label: y.into(), name: plain, marks_at_points: false },
+        curves: curves(report, error),
+    };
+    let lost = chart("Time against lost pixels", "lost pixels, % (mean)", &|m| m.lost_pixels.mean);
+    let needless = chart(
+        "Time against triangles drawn for nothing",
+        "triangles drawn for nothing, % of the drawn (mean)",
+        &|m| m.needless_triangles.mean,
+    );
+    charts_svg(&[lost, needless], WIDTH, 1)
+}
+
+/// A curve for each method and resolution, its points by rising rays per pixel.
+fn curves(report: &Report, error: &dyn Fn(&MethodReport) -> f64) -> Vec<Curve> {
     let mut curves: Vec<Curve> = Vec::new();
-    for method in &report.methods {
+    let rays = |method: &MethodReport| method.variant.rays_per_pixel.map_or(1.0, |rays| rays.get());
+    let mut order: Vec<usize> = (0..report.methods.len()).collect();
+    for index in &order {
+        let variant = &report.methods[*index].variant;
+        let name = variant.curve();
+        if !curves.iter().any(|curve| curve.name == name) {
+            let colour = colour_of(&variant.method, curves.len());
+            curves.push(Curve { colour, is_dashed: variant.method == FLOOR, name, points: Vec::new() });
+        }
+    }
+    order.sort_by(|&a, &b| rays(&report.methods[a]).total_cmp(&rays(&report.methods[b])));
+    for method in order.into_iter().map(|index| &report.methods[index]) {
         let name = method.variant.curve();
         let point = Point {
             x: 1e3 * method.time.distribution.median,
-            y: 100.0 * method.lost_pixels.mean,
+            y: 100.0 * error(method),
             label: method.variant.rays_per_pixel.map_or_else(String::new, |rays| rays.to_string()),
         };
-        match curves.iter_mut().find(|curve| curve.name == name) {
-            Some(curve) => curve.points.push(point),
-            None => curves.push(Curve {
-                colour: colour_of(&method.variant.method, curves.len()),
-                is_dashed: method.variant.method == FLOOR,
-                name,
-                points: vec![point],
-            }),
+        if let Some(curve) = curves.iter_mut().find(|curve| curve.name == name) {
+            curve.points.push(point);
         }
     }
     for curve in &mut curves {
@@ -44,13 +67,7 @@ pub fn pareto(report: &Report) -> Result<String, SvgError> {
             curve.name += " (sampling floor)";
         }
     }
-    let chart = Chart {
-        title: "Time against lost pixels, by rays per pixel: left and below is better".into(),
-        x: Axis { label: "milliseconds a view (median)".into(), name: plain, marks_at_points: false },
-        y: Axis { label: "lost pixels, % (mean)".into(), name: plain, marks_at_points: false },
-        curves,
-    };
-    charts_svg(&[chart], WIDTH, 1)
+    curves
 }
 
 /// The floor is grey, everything else has the colour of its curve.
@@ -58,7 +75,8 @@ fn colour_of(method: &str, curve: usize) -> usize {
     if method == FLOOR { GREY } else { curve % GREY }
 }
 
-fn plain(value: f64) -> String {
+/// A number without needless digits.
+pub(super) fn plain(value: f64) -> String {
     // Decades of f64 powers may be 0.30000000000000004.
     let text = format!("{value:.6}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -203,6 +221,50 @@ pub fn spread(report: &Report) -> Result<String, SvgError> {
             Ok(())
         },
     )
+}
+
+/// Lost pixels frame by frame, a line for each method and resolution: of each the one that stands for it.
+///
+/// # Errors
+///
+/// Drawing failed.
+pub fn frames(report: &Report) -> Result<String, SvgError> {
+    const HEIGHT: i32 = 340;
+    const PLOT: (i32, i32, i32, i32) = (70, 44, WIDTH as i32 - 190, HEIGHT - 44);
+    let (left, top, right, bottom) = PLOT;
+    let shown: Vec<&MethodReport> =
+        report.representatives().iter().map(|&index| &report.methods[index]).collect();
+    let most = shown.iter().map(|method| method.lost_pixels.worst).fold(1e-6, f64::max);
+    let colours = curve_colours(report);
+    let last = report.views.len().saturating_sub(1).max(1) as f64;
+    let x = |frame: usize| left + (frame as f64 / last * f64::from(right - left)).round() as i32;
+    let y = |lost: f64| bottom - (lost / most * f64::from(bottom - top)).round() as i32;
+    drawn((WIDTH, HEIGHT as u32), |area| {
+        let small = ("sans-serif", 12).into_font().color(&INK);
+        area.draw(&Text::new("Lost pixels along the way", (12, 10), ("sans-serif", 17)))?;
+        for mark in [0.0, 0.5 * most, most] {
+            area.draw(&PathElement::new([(left, y(mark)), (right, y(mark))], INK.mix(0.12)))?;
+            let style = small.clone().pos(Pos::new(HPos::Right, VPos::Center));
+            area.draw(&Text::new(percent(mark), (left - 8, y(mark)), style))?;
+        }
+        let style = small.clone().pos(Pos::new(HPos::Center, VPos::Top));
+        area.draw(&Text::new("frame", ((left + right) / 2, bottom + 24), style.clone()))?;
+        for frame in [0, report.views.len().saturating_sub(1)] {
+            area.draw(&Text::new(frame.to_string(), (x(frame), bottom + 6), style.clone()))?;
+        }
+        for (row, method) in (0..).zip(&shown) {
+            let name = method.variant.curve();
+            let index = colours.iter().find(|(other, _)| *other == name).map_or(0, |found| found.1);
+            let points =
+                method.frames.iter().enumerate().map(|(i, frame)| (x(i), y(frame.accuracy.lost_pixels)));
+            area.draw(&PathElement::new(points.collect::<Vec<_>>(), colour(index).stroke_width(2)))?;
+            let height = top + 18 * row;
+            let sample = [(right + 14, height + 6), (right + 34, height + 6)];
+            area.draw(&PathElement::new(sample, colour(index).stroke_width(2)))?;
+            area.draw(&Text::new(method.variant.to_string(), (right + 40, height), small.clone()))?;
+        }
+        Ok(())
+    })
 }
 
 /// The colours of [`pareto`], by curve.

@@ -123,7 +123,9 @@ pub struct FrameReport {
     /// Both errors.
     #[serde(flatten)]
     pub accuracy: Accuracy,
-    /// Visible drawables of at most 200 vertices, and those of them that are wrongly hidden.
+    /// Rays cast, all frames in which the view was shown together.
+    pub rays: u64,
+    /// Visible objects of at most 200 vertices, and those of them that are wrongly hidden.
     pub small: ClassError,
     /// Lost objects, most pixels first; the first 20.
     pub lost: Vec<NamedLoss>,
@@ -137,12 +139,15 @@ pub struct MethodReport {
     /// What it is.
     #[serde(flatten)]
     pub variant: Variant,
-    /// It is the truth at its rays: what no method with these rays can find.
+    /// It is the truth at its rays: what triangles tell with these rays in one frame.
     pub is_floor: bool,
     /// Fraction of reference samples lost.
     pub lost_pixels: Distribution,
-    /// Mean lost pixels over those of the floor with the same rays; `None` without rays, or when the floor loses nothing.
+    /// Mean lost pixels over those of the floor with the same rays; `None` without rays, when the floor loses nothing, and
+    /// for a method that keeps what the rays of other frames found.
     pub times_the_floor: Option<f64>,
+    /// Rays that a view took, all frames in which it was shown together: means over views.
+    pub rays_cast: f64,
     /// Fraction of visible drawables wrongly hidden.
     pub wrongly_hidden: Distribution,
     /// The same by pixel class.
@@ -151,12 +156,13 @@ pub struct MethodReport {
     pub needlessly_drawn: Distribution,
     /// Fraction of drawn triangles needlessly drawn.
     pub needless_triangles: Distribution,
-    /// Fraction of what is in the view pyramid and was left out: what the method spares.
+    /// Fraction of what is in the view pyramid and was left out: what the method spares. Like every figure, of the views
+    /// that have one: here those with anything in the pyramid.
     pub culled: Distribution,
     /// Of what is in the view pyramid and hidden, the fraction that was left out: what occlusion culling achieves of what
-    /// exact occlusion culling would (Peng and Cao 2013, table 4).
+    /// exact occlusion culling would (Peng and Cao 2013, table 4). Of the views that hide anything.
     pub culled_of_hidden: Distribution,
-    /// Fraction of visible drawables of at most 200 vertices that are wrongly hidden (Xue et al. 2016, section 3.3).
+    /// Fraction of visible objects of at most 200 vertices that are wrongly hidden (Xue et al. 2016, section 4.1).
     pub small_wrongly_hidden: Distribution,
     /// Mean relative error of sample counts; only the views that have one. `None` when none has.
     pub sample_count_error: Option<Distribution>,
@@ -262,6 +268,15 @@ impl Report {
         chosen
     }
 
+    /// Pixels of a view: the mean over views.
+    pub fn pixels_a_view(&self) -> f64 {
+        let pixels = self
+            .views
+            .iter()
+            .map(|view| f64::from(view.view.camera.width) * f64::from(view.view.camera.height));
+        pixels.sum::<f64>() / self.views.len().max(1) as f64
+    }
+
     /// The floor with the same rays.
     pub fn floor_of(&self, method: &MethodReport) -> Option<&MethodReport> {
         let rays = method.variant.rays_per_pixel?;
@@ -274,7 +289,7 @@ impl Report {
             .iter()
             .map(|method| {
                 let floor = self.floor_of(method)?.lost_pixels.mean;
-                (floor > 0.0).then(|| method.lost_pixels.mean / floor)
+                (floor > 0.0 && !method.variant.keeps_state).then(|| method.lost_pixels.mean / floor)
             })
             .collect();
         for (method, ratio) in self.methods.iter_mut().zip(ratios) {
@@ -284,49 +299,45 @@ impl Report {
 }
 
 fn method_report(scene: &Scene, views: &[ViewReport], result: &MethodResult) -> MethodReport {
-    let over = |figure: &dyn Fn(&Accuracy) -> f64| {
-        let values: Vec<f64> = result.frames.iter().map(|frame| figure(&frame.accuracy)).collect();
-        Distribution::of(&values)
+    // A share of nothing is no share: views without anything visible, drawn or of a class do not count there.
+    let over = |whole: &dyn Fn(&Accuracy) -> u64, figure: &dyn Fn(&Accuracy) -> f64| {
+        let frames = result.frames.iter().map(|frame| &frame.accuracy);
+        Distribution::of_some(frames.map(|accuracy| (whole(accuracy) > 0).then(|| figure(accuracy))))
     };
+    let seen = |accuracy: &Accuracy| accuracy.reference;
+    let drawn = |accuracy: &Accuracy| accuracy.answer;
     let classes = result.frames.first().map_or(0, |frame| frame.accuracy.classes.len());
     let class_report = |class: usize| ClassReport {
         at_least_px: result.frames.first().map_or(0.0, |frame| frame.accuracy.classes[class].at_least_px),
-        wrongly_hidden: over(&|accuracy| accuracy.classes[class].rate()),
+        wrongly_hidden: over(&|accuracy| accuracy.classes[class].reference, &|accuracy| {
+            accuracy.classes[class].rate()
+        }),
         views_with_loss: count(result, |accuracy| accuracy.classes[class].wrongly_hidden > 0),
     };
-    let culled: Vec<f64> = result
-        .frames
-        .iter()
-        .zip(views)
-        .map(|(frame, view)| {
-            let in_frustum = view.facts.in_frustum.max(1);
-            1.0 - frame.accuracy.answer.min(in_frustum) as f64 / in_frustum as f64
-        })
-        .collect();
-    let culled_of_hidden: Vec<f64> = result
-        .frames
-        .iter()
-        .zip(views)
-        .map(|(frame, view)| {
-            // What the reference sees without being in the view pyramid by rounding is hidden by nobody.
-            let hidden = view.facts.in_frustum.saturating_sub(view.facts.reference);
-            let drawn = frame.accuracy.needlessly_drawn.min(hidden);
-            if hidden == 0 { 1.0 } else { (hidden - drawn) as f64 / hidden as f64 }
-        })
-        .collect();
+    let culled = result.frames.iter().zip(views).map(|(frame, view)| {
+        let in_frustum = view.facts.in_frustum;
+        left_out(frame.accuracy.answer.min(in_frustum), in_frustum)
+    });
+    let culled_of_hidden = result.frames.iter().zip(views).map(|(frame, view)| {
+        // What the reference sees without being in the view pyramid by rounding is hidden by nobody.
+        let hidden = view.facts.in_frustum.saturating_sub(view.facts.reference);
+        left_out(frame.accuracy.needlessly_drawn.min(hidden), hidden)
+    });
     MethodReport {
         variant: result.variant.clone(),
         is_floor: result.variant.method == FLOOR,
-        lost_pixels: over(&|accuracy| accuracy.lost_pixels),
+        lost_pixels: over(&seen, &|accuracy| accuracy.lost_pixels),
         times_the_floor: None,
-        wrongly_hidden: over(&Accuracy::wrongly_hidden_rate),
+        rays_cast: Distribution::of(&result.frames.iter().map(|frame| frame.rays as f64).collect::<Vec<_>>())
+            .mean,
+        wrongly_hidden: over(&seen, &Accuracy::wrongly_hidden_rate),
         classes: (0..classes).map(class_report).collect(),
-        needlessly_drawn: over(&Accuracy::needlessly_drawn_rate),
-        needless_triangles: over(&Accuracy::needless_triangle_rate),
-        culled: Distribution::of(&culled),
-        culled_of_hidden: Distribution::of(&culled_of_hidden),
-        small_wrongly_hidden: Distribution::of(
-            &result.frames.iter().map(|frame| frame.small.rate()).collect::<Vec<_>>(),
+        needlessly_drawn: over(&drawn, &Accuracy::needlessly_drawn_rate),
+        needless_triangles: over(&drawn, &Accuracy::needless_triangle_rate),
+        culled: Distribution::of_some(culled),
+        culled_of_hidden: Distribution::of_some(culled_of_hidden),
+        small_wrongly_hidden: Distribution::of_some(
+            result.frames.iter().map(|frame| (frame.small.reference > 0).then(|| frame.small.rate())),
         ),
         sample_count_error: sample_count_error(result),
         views_with_loss: count(result, |accuracy| accuracy.wrongly_hidden > 0),
@@ -341,18 +352,21 @@ fn count(result: &MethodResult, is_counted: impl Fn(&Accuracy) -> bool) -> u64 {
     result.frames.iter().filter(|frame| is_counted(&frame.accuracy)).count() as u64
 }
 
-/// Views without such drawables have no such error; `worst_view` still counts all views.
+/// The fraction of `all` that was not drawn; `None` of nothing.
+fn left_out(drawn: u64, all: u64) -> Option<f64> {
+    (all > 0).then(|| (all - drawn) as f64 / all as f64)
+}
+
+/// Views without such drawables have no such error.
 fn sample_count_error(result: &MethodResult) -> Option<Distribution> {
-    let errors = result.frames.iter().enumerate();
-    let (views, errors): (Vec<usize>, Vec<f64>) =
-        errors.filter_map(|(view, frame)| Some((view, frame.accuracy.sample_count_error?))).unzip();
-    let found = Distribution::of(&errors);
-    views.get(found.worst_view).map(|&worst_view| Distribution { worst_view, ..found })
+    let found = Distribution::of_some(result.frames.iter().map(|frame| frame.accuracy.sample_count_error));
+    (found.views > 0).then_some(found)
 }
 
 fn frame_report(scene: &Scene, frame: &FrameResult) -> FrameReport {
     FrameReport {
         accuracy: frame.accuracy.clone(),
+        rays: frame.rays,
         small: frame.small,
         lost: named(scene, &frame.lost),
         lost_objects: frame.lost_objects,

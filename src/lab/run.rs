@@ -1,7 +1,8 @@
 //! The run itself: references, then every method over every view, timed, with both errors.
 //!
 //! References come first. Then, as often as asked for, each method goes through all views in a row, as it would in use
-//! (its own data in the caches, its own state from frame to frame); of a view's times the median counts. Passes are
+//! (its own data in the caches, its own state from frame to frame); of a view's times the median counts (of an even number
+//! the quicker one in the middle, whose stages add up). Passes are
 //! the outer loop, so that a machine that is slower for a while is so for every method.
 
 use glam::DVec3;
@@ -26,8 +27,8 @@ pub const LEAST_REFERENCE_RAYS: u32 = 16;
 /// Lost objects kept for each view; the sums over all views are of all of them.
 const LOST_KEPT_PER_VIEW: usize = 20;
 
-/// Vertices of a small drawable: those for which Xue et al. 2016 (section 3.3) give the share that a query by voxels finds
-/// hidden though it is visible, 7 %, and the share that a query by boxes does, 38 %.
+/// Vertices of a small object. Xue et al. 2016 (section 4.1) found visible objects, "which typically have 200 vertices or
+/// less", to be taken for hidden 7 % of the time by voxels and 38 % of the time by boxes.
 pub const SMALL_VERTICES: u32 = 200;
 
 /// How a comparison is run.
@@ -40,7 +41,8 @@ pub struct RunSettings {
     /// What casts the reference's rays: `exact`, or `hybrid`, which gives the same answers sooner. That it does is checked
     /// on the first view.
     pub reference_method: Method,
-    /// Frames that each view is shown, at least 1: a method that keeps what it found is judged and timed by the last.
+    /// Frames that each view is shown to a method that keeps what it found, at least 1: it is judged by the last, and the
+    /// time is that of all of them together.
     pub frames_a_view: u32,
 }
 
@@ -132,7 +134,9 @@ pub struct ViewFacts {
 pub struct FrameResult {
     /// Both errors.
     pub accuracy: Accuracy,
-    /// Of visible drawables with at most [`SMALL_VERTICES`] vertices: how many, and how many of them are wrongly hidden.
+    /// Rays cast, all frames in which the view was shown together.
+    pub rays: u64,
+    /// Of visible objects with at most [`SMALL_VERTICES`] vertices: how many, and how many of them are wrongly hidden.
     pub small: ClassError,
     /// Lost objects, most pixels first; the first 20.
     pub lost: Vec<LostObject>,
@@ -191,16 +195,8 @@ pub fn run(
         .map(|view| view.camera.rays().map_err(|source| LabError::Camera { view: view.name.clone(), source }))
         .collect::<Result<_, _>>()?;
 
-    if let (Method::Hybrid, Some(view), Some(camera)) =
-        (settings.reference_method, views.first(), cameras.first())
-    {
-        let ask = |method| {
-            query_until(&scene.query(), camera, method, &QuerySettings::default(), &Quiet(progress))
-                .ok_or(LabError::Cancelled)
-        };
-        if ask(Method::Hybrid)? != ask(Method::Exact)? {
-            return Err(LabError::Reference { view: view.name.clone() });
-        }
+    if settings.reference_method == Method::Hybrid {
+        check_reference(scene, views, &cameras, progress)?;
     }
     progress.stage("reference", views.len() as u64, "views");
     let references: Vec<VisibleSet> = cameras
@@ -225,19 +221,12 @@ pub fn run(
                     contestant.culling.reset();
                 }
                 let culling = &mut contestant.culling;
-                let before = if culling.keeps_state() { settings.frames_a_view - 1 } else { 0 };
-                let mut next = || {
-                    let frame = culling.frame(&query, camera, &Quiet(progress));
-                    frame.filter(|_| !progress.is_cancelled()).ok_or(LabError::Cancelled)
-                };
-                for _ in 0..before {
-                    next()?;
-                }
-                let frame = next()?;
+                let times = if culling.keeps_state() { settings.frames_a_view } else { 1 };
+                let shown = show(culling.as_mut(), &query, camera, times, progress)?;
                 if pass == 0 {
-                    sheet.judge(scene, camera, &references[index], &frame, settings);
+                    sheet.judge(scene, camera, &references[index], &shown, settings);
                 }
-                sheet.time(index, frame);
+                sheet.time(index, shown.time);
                 progress.advance(1);
             }
         }
@@ -248,6 +237,68 @@ pub fn run(
         sheet.finish(contestant.variant.clone(), f64::from(settings.reference_rays))
     });
     Ok(Outcome { views, methods: methods.collect() })
+}
+
+/// A view that was shown for some frames.
+struct Shown {
+    /// The last answer.
+    found: VisibleSet,
+    /// Of all frames.
+    rays: u64,
+    /// Of all frames.
+    time: FrameTime,
+}
+
+/// Shows a view for some frames.
+fn show(
+    culling: &mut dyn Culling,
+    scene: &QueryScene,
+    camera: &CameraRays,
+    frames: u32,
+    progress: &dyn Progress,
+) -> Result<Shown, LabError> {
+    let mut next = || {
+        let frame = culling.frame(scene, camera, &Quiet(progress));
+        frame.filter(|_| !progress.is_cancelled()).ok_or(LabError::Cancelled)
+    };
+    let CulledFrame { mut found, mut stages } = next()?;
+    let mut rays = found.rays;
+    for _ in 1..frames {
+        let frame = next()?;
+        for stage in frame.stages {
+            match stages.iter_mut().find(|sum| sum.stage == stage.stage) {
+                Some(sum) => sum.seconds += stage.seconds,
+                None => stages.push(stage),
+            }
+        }
+        rays += frame.found.rays;
+        found = frame.found;
+    }
+    let seconds = stages.iter().map(|stage| stage.seconds).sum();
+    Ok(Shown { found, rays, time: FrameTime { seconds, stages } })
+}
+
+/// Does `hybrid` answer as `exact` does? Asked of the first view that sees anything.
+fn check_reference(
+    scene: &LoadedScene,
+    views: &[View],
+    cameras: &[CameraRays],
+    progress: &dyn Progress,
+) -> Result<(), LabError> {
+    for (view, camera) in views.iter().zip(cameras) {
+        let ask = |method| {
+            query_until(&scene.query(), camera, method, &QuerySettings::default(), &Quiet(progress))
+                .ok_or(LabError::Cancelled)
+        };
+        let exact = ask(Method::Exact)?;
+        if ask(Method::Hybrid)? != exact {
+            return Err(LabError::Reference { view: view.name.clone() });
+        }
+        if exact.hits > 0 {
+            break;
+        }
+    }
+    Ok(())
 }
 
 fn check(
@@ -306,17 +357,22 @@ fn view_facts(scene: &QueryScene, camera: &CameraRays, reference: &VisibleSet) -
     }
 }
 
-/// Visible drawables of few vertices, and how many of them an answer lacks.
-fn small_drawables(scene: &LoadedScene, reference: &VisibleSet, answer: &VisibleSet) -> ClassError {
+/// Visible objects of few vertices, and how many of them an answer lacks altogether.
+fn small_objects(scene: &LoadedScene, reference: &VisibleSet, answer: &VisibleSet) -> ClassError {
     let scene = scene.scene();
     let mut small = ClassError { at_least_px: 0.0, reference: 0, wrongly_hidden: 0 };
-    for (drawable, (&seen, &visible)) in
-        scene.drawables().iter().zip(reference.samples.iter().zip(&answer.visible))
-    {
-        let chunk = &scene.chunks()[drawable.chunk as usize];
-        if seen > 0 && scene.levels()[chunk.first_level as usize].vertex_count <= SMALL_VERTICES {
+    for (object, record) in (0..).zip(scene.objects()) {
+        let drawables = scene.object_drawables(object);
+        if !drawables.clone().any(|d| reference.samples[d as usize] > 0) {
+            continue;
+        }
+        let part = &scene.parts()[record.part as usize];
+        let chunks = &scene.chunks()[part.first_chunk as usize..][..part.chunk_count as usize];
+        let vertices =
+            chunks.iter().map(|chunk| u64::from(scene.levels()[chunk.first_level as usize].vertex_count));
+        if vertices.sum::<u64>() <= u64::from(SMALL_VERTICES) {
             small.reference += 1;
-            small.wrongly_hidden += u64::from(!visible);
+            small.wrongly_hidden += u64::from(!drawables.into_iter().any(|d| answer.visible[d as usize]));
         }
     }
     small
@@ -339,33 +395,35 @@ impl Sheet {
         scene: &LoadedScene,
         camera: &CameraRays,
         reference: &VisibleSet,
-        frame: &CulledFrame,
+        shown: &Shown,
         settings: &RunSettings,
     ) {
+        let answer = &shown.found;
         let (width, height) = camera.size();
         let pixels = u64::from(width) * u64::from(height);
         let exact = scene.query().exact;
-        let accuracy = accuracy(reference, &frame.found, pixels, |drawable| exact.triangle_count(drawable));
-        let lost = lost_samples(reference, &frame.found, |drawable| scene.scene().drawable_object(drawable));
+        let accuracy = accuracy(reference, answer, pixels, |drawable| exact.triangle_count(drawable));
+        let lost = lost_samples(reference, answer, |drawable| scene.scene().drawable_object(drawable));
         self.lost.add(&lost);
-        let small = small_drawables(scene, reference, &frame.found);
+        let small = small_objects(scene, reference, answer);
         let is_worse = self.worst.as_ref().is_none_or(|(index, _)| {
             let worst = &self.frames[*index].accuracy;
             (accuracy.lost_pixels, accuracy.wrongly_hidden) > (worst.lost_pixels, worst.wrongly_hidden)
         });
         if is_worse {
-            self.worst = Some((self.frames.len(), frame.found.clone()));
+            self.worst = Some((self.frames.len(), answer.clone()));
         }
         let mut objects = sorted_view(&lost, f64::from(settings.reference_rays));
         objects.truncate(LOST_KEPT_PER_VIEW);
-        self.frames.push(FrameResult { accuracy, small, lost: objects, lost_objects: lost.len() as u64 });
+        let (rays, lost_objects) = (shown.rays, lost.len() as u64);
+        self.frames.push(FrameResult { accuracy, rays, small, lost: objects, lost_objects });
     }
 
-    fn time(&mut self, view: usize, frame: CulledFrame) {
+    fn time(&mut self, view: usize, time: FrameTime) {
         if self.times.len() <= view {
             self.times.resize(view + 1, Vec::new());
         }
-        self.times[view].push(FrameTime { seconds: frame.seconds(), stages: frame.stages });
+        self.times[view].push(time);
     }
 
     fn finish(self, variant: Variant, samples_per_pixel: f64) -> MethodResult {

@@ -15,15 +15,24 @@ pub struct Distribution {
     pub worst: f64,
     /// The first view that has it.
     pub worst_view: usize,
+    /// Views that have such a figure at all: a view without large drawables hides no share of them.
+    pub views: usize,
 }
 
 impl Distribution {
     /// Of one value a view; zeros when there are none. Values must not be NaN.
     pub fn of(values: &[f64]) -> Self {
-        let mut sorted = values.to_vec();
+        Self::of_some(values.iter().copied().map(Some))
+    }
+
+    /// Of the views that have a value.
+    pub fn of_some(values: impl IntoIterator<Item = Option<f64>>) -> Self {
+        let values: Vec<(usize, f64)> =
+            values.into_iter().enumerate().filter_map(|(view, value)| Some((view, value?))).collect();
+        let mut sorted: Vec<f64> = values.iter().map(|&(_, value)| value).collect();
         sorted.sort_by(f64::total_cmp);
         let (Some(&worst), count) = (sorted.last(), sorted.len()) else { return Self::default() };
-        let worst_view = values.iter().position(|&value| value == worst).unwrap_or(0);
+        let worst_view = values.iter().find(|&&(_, value)| value == worst).map_or(0, |&(view, _)| view);
         // Summed in rising order: the same sum whatever order the views come in.
         let mean = sorted.iter().sum::<f64>() / count as f64;
         Distribution {
@@ -32,6 +41,7 @@ impl Distribution {
             p95: nearest_rank(&sorted, 95),
             worst,
             worst_view,
+            views: count,
         }
     }
 }
@@ -83,6 +93,8 @@ mod tests {
             (found.mean, found.median, found.p95, found.worst, found.worst_view),
             (2.5, 2.5, 4.0, 4.0, 0)
         );
+        let some = Distribution::of_some([None, Some(2.0), None, Some(5.0), Some(5.0)]);
+        assert_eq!((some.mean, some.worst, some.worst_view, some.views), (4.0, 5.0, 3, 3));
         let hundred: Vec<f64> = (1..=100).map(f64::from).collect();
         assert_eq!(Distribution::of(&hundred).p95, 95.0);
         assert_eq!(Distribution::of(&hundred).median, 50.5);

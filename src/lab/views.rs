@@ -36,10 +36,12 @@ pub struct Rejected {
     pub at_a_wall: u64,
     /// Directions that show next to nothing.
     pub at_nothing: u64,
+    /// Views that were kept in the open, because no place with enough around it was found.
+    pub kept_in_the_open: u64,
 }
 
 impl Rejected {
-    /// All of them.
+    /// All that were turned down.
     pub fn total(&self) -> u64 {
         self.too_close + self.in_a_part + self.in_the_open + self.at_a_wall + self.at_nothing
     }
@@ -112,7 +114,9 @@ pub fn random_views(space: &Space, settings: &ViewSettings) -> Result<(Vec<View>
             let (place, camera) = if index % OUTSIDE_EVERY == OUTSIDE_EVERY - 1 {
                 ("outside", outside(space, settings.size, &mut random))
             } else {
-                ("inside", inside(space, settings.size, &mut random, &mut rejected)?)
+                let (camera, is_open) = inside(space, settings.size, &mut random, &mut rejected)?;
+                rejected.kept_in_the_open += u64::from(is_open);
+                (if is_open { "in the open" } else { "inside" }, camera)
             };
             Ok(View { name: format!("{place} {index}"), camera, starts_anew: true })
         })
@@ -126,15 +130,16 @@ fn outside(space: &Space, (width, height): (u32, u32), random: &mut oorandom::Ra
     Camera::around(space.min, space.max, space.direction(yaw, pitch), space.up, width, height)
 }
 
-/// A random eye in free space that sees something.
+/// A random eye in free space that sees something, and whether less had to be asked of its place.
 pub(super) fn inside(
     space: &Space,
     size: (u32, u32),
     random: &mut oorandom::Rand64,
     rejected: &mut Rejected,
-) -> Result<Camera, ViewError> {
+) -> Result<(Camera, bool), ViewError> {
     for attempt in 0..ATTEMPTS {
-        let least_probes = LEAST_PROBES_MET >> (attempt / PATIENCE);
+        let lowered = attempt / PATIENCE;
+        let least_probes = (LEAST_PROBES_MET >> lowered).max(1);
         let share = DVec3::new(random.rand_float(), random.rand_float(), random.rand_float());
         let eye = space.min + share * (space.max - space.min);
         if !is_place(space, eye, least_probes, rejected) {
@@ -144,7 +149,7 @@ pub(super) fn inside(
             let (yaw, pitch) = (TAU * random.rand_float(), -0.35 + 0.6 * random.rand_float());
             let camera = looking(space, eye, space.direction(yaw, pitch), size);
             if camera.rays().is_ok_and(|rays| is_view(space, &rays, rejected)) {
-                return Ok(camera);
+                return Ok((camera, lowered > 0));
             }
         }
     }

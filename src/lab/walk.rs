@@ -31,7 +31,7 @@ const MOOD_FRAMES: u32 = 90;
 pub fn walk(space: &Space, settings: &ViewSettings) -> Result<(Vec<View>, Rejected), ViewError> {
     let mut random = oorandom::Rand64::new(u128::from(settings.seed) << 32 | u128::from(u32::MAX));
     let mut rejected = Rejected::default();
-    let start = inside(space, settings.size, &mut random, &mut rejected)?;
+    let (start, _) = inside(space, settings.size, &mut random, &mut rejected)?;
     let mut walker = Walker::new(space, start.eye.into(), TAU * random.rand_float());
     let mut views = Vec::with_capacity(settings.count as usize);
     for frame in 0..settings.count {

@@ -1,10 +1,13 @@
 //! View-frustum culling: the baseline without occlusion.
 
-use super::{QueryScene, VisibleSet};
-use crate::camera::CameraRays;
+use glam::DMat3;
 
-/// Every drawable of every object whose box meets the view pyramid. Conservative: a box that is outside of no single
-/// plane counts as inside.
+use super::{QueryScene, VisibleSet};
+use crate::camera::{CameraRays, Plane};
+use crate::exact::ExactScene;
+
+/// Every drawable whose box meets the view pyramid: that of its object, and unless all of that is inside, its own in the
+/// space of its part. Conservative: a box that is outside of no single plane counts as inside.
 pub(super) fn in_frustum(scene: &QueryScene, camera: &CameraRays) -> VisibleSet {
     let mut found = VisibleSet::new(scene.exact.drawable_count());
     let frustum = camera.frustum();
@@ -12,11 +15,29 @@ pub(super) fn in_frustum(scene: &QueryScene, camera: &CameraRays) -> VisibleSet 
         if !scene.filter.reaches(*min, *max) {
             continue;
         }
-        if frustum.iter().all(|plane| plane.reaches(*min, *max)) {
-            for drawable in drawables.clone().filter(|&drawable| !scene.filter.is_hidden(drawable)) {
-                found.visible[drawable as usize] = true;
-            }
+        if !frustum.iter().all(|plane| plane.reaches(*min, *max)) {
+            continue;
+        }
+        let planes = frustum.iter().chain(scene.filter.clip_planes());
+        let crossed: Vec<&Plane> = planes.filter(|plane| !plane.holds(*min, *max)).collect();
+        for drawable in drawables.clone().filter(|&drawable| !scene.filter.is_hidden(drawable)) {
+            found.visible[drawable as usize] = crossed.is_empty() || reach(scene.exact, drawable, &crossed);
         }
     }
     found
+}
+
+/// Is any part of a drawable's own box inside of each plane?
+fn reach(exact: &ExactScene, drawable: u32, planes: &[&Plane]) -> bool {
+    let (min, max) = exact.chunks()[exact.chunk_of(drawable) as usize].bounds();
+    let world_from_part = exact.world_from_part(drawable);
+    let centre = world_from_part.transform_point3(min + 0.5 * (max - min));
+    let axes = world_from_part.matrix3 * DMat3::from_diagonal(0.5 * (max - min));
+    planes.iter().all(|plane| {
+        let half = (axes.transpose() * plane.normal).abs().element_sum();
+        // A few units in the last place of what was added up.
+        let rounding =
+            8.0 * f64::EPSILON * plane.normal.length() * (centre - plane.point).length().max(centre.length());
+        plane.normal.dot(centre - plane.point) + half + rounding >= 0.0
+    })
 }
