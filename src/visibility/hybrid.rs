@@ -98,7 +98,11 @@ impl<'a> RayQuery for HybridQuery<'a> {
 
     fn trace(&self, rays: &[Ray], tally: &mut Tally, scratch: &mut HybridScratch) {
         let HybridScratch { packet, triangles, tile } = scratch;
-        tile.asked.resize(self.scene.exact.drawable_count() as usize, 0);
+        let drawables = self.scene.exact.drawable_count() as usize;
+        if tile.asked.len() != drawables {
+            // Zeroed by the system, page by page, as they are used: a query of few rays does not pay for all drawables.
+            tile.asked = vec![0; drawables];
+        }
         tile.number = tile.number.wrapping_add(1);
         if tile.number == 0 {
             tile.asked.fill(0);

@@ -1,259 +1,197 @@
 //! Visibility over frames: few rays a frame, and what they find is kept while it can still be true.
 //!
-//! Each frame casts its rays at other points of the pixels (an R2 sequence over the frames), so that n frames of 1/n ray
-//! per pixel see what one frame of one ray per pixel sees. While the camera stands still, samples add up, and nothing is
-//! forgotten; when all was sampled often enough, the answer stands and no ray is cast. While it moves:
+//! Each frame casts its rays at other points of the pixels. At 1/n ray per pixel, n a square, n frames cast exactly the rays
+//! of one frame of one ray per pixel; at other fractions about so (see [`RaysPerPixel`]). While the camera stands still,
+//! samples add up, and nothing is forgotten; when all was sampled often enough, the answer stands and no ray is
+//! cast. While it moves:
 //!
 //! - what was seen stays in the answer for [`CoherentSettings::window`] frames, as long as its box is in the view;
 //! - sample counts decay ([`CoherentSettings::decay`]), so that they follow the camera;
 //! - what this frame's rays did not meet is *asked after*: one ray to the point where it was last seen. There are
-//!   seldom rays for all: the drawables with the greatest weight (pi/180) arctan(R/d) come first, R the radius and d the
-//!   distance of the object's box (Xue et al. 2016, equation 4). A drawable that is asked after in vain too often is gone.
+//!   seldom rays for all: the drawables that look largest come first ([`apparent_size`]: Xue et al. 2016, equation 4). A
+//!   drawable that is asked after in vain too often is gone.
 //!
 //! So recall grows with time, what comes into view is found by chance as soon as its pixels allow, and what is hidden
 //! leaves within the window.
+//!
+//! A camera *stands still* when it and the filter are those of the frame before, bit for bit. Any tolerance would let
+//! an answer that is final, and costs nothing, stand for another view; a camera that only trembles has its samples
+//! decay, which costs rays and loses nothing that is kept.
+//!
+//! A frame that is cancelled changes nothing: the next one goes on from the last whole one. What is known is of one
+//! scene, told by its triangles ([`crate::exact::ExactScene::id`]), and a frame of another scene is a first one. (The
+//! voxels are taken to be of the same triangles; whoever changes them alone calls [`Culling::reset`].)
+
+mod memory;
+mod settings;
 
 use glam::DVec3;
 
+pub use settings::{CoherentError, CoherentSettings};
+
+use self::memory::{Lesson, Memory};
 use super::culling::{CulledFrame, Culling, timed};
 use super::source::{ImageRays, ListedRays};
-use super::tally::{Sighting, Tally};
-use super::{Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, cast};
+use super::tally::{Tally, TallyPool};
+use super::{QueryScene, QuerySettings, RayMethod, RaysPerPixel, cast};
 use crate::camera::CameraRays;
 use crate::filter::Filter;
 use crate::progress::Progress;
 use crate::ray::Ray;
 
-/// Sample counts are kept in fractions of a ray, which decay.
-const PER_RAY: f64 = 256.0;
-
 /// Rays of a batch of questions: neighbours on the screen by and large.
 const QUESTIONS_PER_BATCH: usize = 64;
 
-/// How a coherent query trades rays for time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CoherentSettings {
-    /// `voxel`, `hybrid` or `exact`: what each ray does.
-    pub method: Method,
-    /// Rays per pixel in each frame.
-    pub rays_per_pixel: RaysPerPixel,
-    /// Frames for which a drawable stays visible after it was last seen by a moving camera.
-    pub window: u32,
-    /// What is left of a sample count after a frame of a moving camera, 0 to 1.
-    pub decay: f64,
-    /// Drawables asked after in a frame, at most, as a fraction of the frame's rays.
-    pub questions: f64,
-    /// A drawable asked after so often in vain is gone.
-    pub patience: u32,
-    /// Rays per pixel, over all frames of a camera that stands still, after which no more are cast.
-    pub enough: f64,
+/// The view of the last whole frame.
+struct View {
+    scene: u64,
+    camera: CameraRays,
+    filter: Filter,
+    /// First frame of this view: since then the camera has stood still.
+    since: u32,
+    /// Rays of the image cast since then.
+    rays: u64,
 }
 
-impl CoherentSettings {
-    /// Settings that have served well for this many rays a frame: a window in which every pixel gets a ray.
-    pub fn new(method: Method, rays_per_pixel: RaysPerPixel) -> Self {
-        let frames_per_pixel = (1.0 / rays_per_pixel.get()).ceil();
-        CoherentSettings {
-            method,
-            rays_per_pixel,
-            window: (frames_per_pixel as u32).clamp(8, 64),
-            decay: 0.8,
-            questions: 0.25,
-            patience: 3,
-            enough: 16.0,
-        }
+impl View {
+    fn is_of(&self, scene: &QueryScene, camera: &CameraRays) -> bool {
+        self.scene == scene.exact.id() && self.camera == *camera && self.filter == *scene.filter
     }
 }
 
-/// What is known of a drawable.
-#[derive(Clone, Copy, Debug, Default)]
-struct Known {
-    /// Frame in which it was last seen, counted from 1; 0: never.
-    seen: u32,
-    /// Times that it was asked after in vain since.
-    in_vain: u32,
-    /// Decaying sum of its samples, in [`PER_RAY`]ths of a ray.
-    samples: f64,
-    /// Where it was last seen, world space.
-    point: DVec3,
-}
-
-/// The view of the frame before.
-#[derive(Clone, Debug, PartialEq)]
-struct View {
-    camera: CameraRays,
-    filter: Filter,
-}
-
-/// A query that keeps what it found. Its answers count rays, hits and samples in 256ths, since they decay: their ratios are
-/// what those of any other query are.
+/// A query that keeps what it found. Its answers count in fractions of a ray, since counts decay: their ratios are what
+/// those of any other query are.
 pub struct CoherentQuery {
     settings: CoherentSettings,
-    known: Vec<Known>,
-    /// Drawables with [`Known::seen`] not 0.
-    kept: Vec<u32>,
-    last: Option<View>,
-    frame: u32,
-    /// First frame of this view: since then the camera has stood still.
-    still_since: u32,
-    /// Decaying sum of the rays, as [`Known::samples`].
-    rays: f64,
-    hits: f64,
-    answer: Option<VisibleSet>,
+    memory: Memory,
+    /// `None` before the first frame.
+    view: Option<View>,
+    tallies: TallyPool,
 }
 
 impl CoherentQuery {
+    /// With settings that have served well; nothing known yet.
+    pub fn of(method: RayMethod, rays_per_pixel: RaysPerPixel) -> Self {
+        Self::blank(CoherentSettings::new(method, rays_per_pixel))
+    }
+
     /// Nothing known yet.
-    pub fn new(settings: CoherentSettings) -> Self {
-        CoherentQuery {
-            settings,
-            known: Vec::new(),
-            kept: Vec::new(),
-            last: None,
-            frame: 0,
-            still_since: 0,
-            rays: 0.0,
-            hits: 0.0,
-            answer: None,
-        }
+    ///
+    /// # Errors
+    ///
+    /// A setting out of its range.
+    pub fn new(settings: CoherentSettings) -> Result<Self, CoherentError> {
+        settings.check()?;
+        Ok(Self::blank(settings))
     }
 
-    /// Rays per pixel that this view has had.
-    fn rays_so_far(&self) -> f64 {
-        f64::from(self.frame - self.still_since + 1) * self.settings.rays_per_pixel.get()
+    fn blank(settings: CoherentSettings) -> Self {
+        CoherentQuery { settings, memory: Memory::default(), view: None, tallies: TallyPool::default() }
     }
 
-    /// Begins a frame: forgets what a moving camera forgets. Returns whether the last answer still stands: the view is
-    /// the same and has had rays enough.
+    /// Is this the view of the frame before? What is known of another scene is forgotten.
     fn begin(&mut self, scene: &QueryScene, camera: &CameraRays) -> bool {
-        let view = View { camera: *camera, filter: scene.filter.clone() };
-        let drawables = scene.exact.drawable_count() as usize;
-        if self.known.len() != drawables {
-            *self = CoherentQuery::new(self.settings);
-            self.known.resize(drawables, Known::default());
+        if self.view.as_ref().is_none_or(|view| view.scene != scene.exact.id()) {
+            self.view = None;
+            self.memory = Memory::new(scene.exact.drawable_count());
         }
-        let is_still = self.last.as_ref() == Some(&view);
-        if is_still && self.rays_so_far() >= self.settings.enough {
-            return true;
-        }
-        self.frame += 1;
-        if !is_still {
-            self.still_since = self.frame;
-            self.last = Some(view);
-            self.rays *= self.settings.decay;
-            self.hits *= self.settings.decay;
-            for &drawable in &self.kept {
-                self.known[drawable as usize].samples *= self.settings.decay;
-            }
-        }
-        false
+        self.view.as_ref().is_some_and(|view| view.is_of(scene, camera))
     }
 
-    /// Takes in what the frame's rays met.
-    fn learn(&mut self, tally: &Tally, counts: bool) {
-        let Some(sightings) = &tally.sightings else { return };
-        for (drawable, sighting) in sightings.iter().enumerate() {
-            let Some(Sighting { point, .. }) = sighting else { continue };
-            let known = &mut self.known[drawable];
-            if known.seen == 0 {
-                self.kept.push(drawable as u32);
-            }
-            (known.seen, known.in_vain, known.point) = (self.frame, 0, *point);
-            if counts {
-                known.samples += f64::from(tally.found.samples[drawable]) * PER_RAY;
-            }
-        }
-        if counts {
-            self.rays += tally.found.rays as f64 * PER_RAY;
-            self.hits += tally.found.hits as f64 * PER_RAY;
-        }
+    /// Has this view had rays enough?
+    fn has_enough(&self, camera: &CameraRays) -> bool {
+        let (width, height) = camera.size();
+        let enough = self.settings.enough * f64::from(width) * f64::from(height);
+        self.view.as_ref().is_some_and(|view| view.rays as f64 >= enough)
     }
 
-    /// Drops what is out of view, hidden, or was not seen for too long; returns what can be asked after, with its weight:
-    /// the rest that this view has not shown yet and whose point is in view.
-    fn prune(&mut self, scene: &QueryScene, camera: &CameraRays) -> Vec<(f64, u32)> {
+    /// Sorts what is kept and was not seen by this view, this frame's rays (`seen`) among them.
+    fn survey(&self, scene: &QueryScene, camera: &CameraRays, is_still: bool, seen: &Tally) -> Unseen {
         let frustum = camera.frustum();
-        let mut unseen = Vec::new();
-        let CoherentQuery { known, kept, settings, .. } = self;
-        kept.retain(|&drawable| {
-            let known = &mut known[drawable as usize];
-            let (min, max) = scene.object_box(drawable);
-            let is_in_view = scene.filter.reaches(min, max)
-                && !scene.filter.is_hidden(drawable)
-                && frustum.iter().all(|plane| plane.reaches(min, max));
-            let is_seen = known.seen >= self.still_since;
-            let stays = is_in_view
-                && (is_seen
-                    || self.frame - known.seen <= settings.window && known.in_vain < settings.patience);
-            if !stays {
-                *known = Known::default();
-            } else if !is_seen && frustum.iter().all(|plane| plane.reaches(known.point, known.point)) {
-                // (A ray to a point out of view would say what is there.)
-                unseen.push((weight(min, max, camera), drawable));
+        let frame = self.memory.frame + 1;
+        let since = self.view.as_ref().filter(|_| is_still).map_or(frame, |view| view.since);
+        let mut unseen = Unseen::default();
+        for (drawable, known) in self.memory.kept() {
+            if known.seen >= since || seen.has(drawable) {
+                continue;
             }
-            stays
-        });
+            let (min, max) = scene.exact.drawable_box(drawable);
+            let stays = frame - known.seen <= self.settings.window
+                && !scene.filter.is_hidden(drawable)
+                && scene.filter.reaches(min, max)
+                && frustum.iter().all(|plane| plane.reaches(min, max));
+            if !stays {
+                unseen.gone.push(drawable);
+            } else if frustum.iter().all(|plane| plane.reaches(known.point, known.point)) {
+                // (A ray to a point out of view would say what is there.)
+                unseen.doubtful.push((apparent_size(min, max, camera.eye()), drawable));
+            }
+        }
         unseen
     }
 
-    /// Asks after the weightiest of `unseen`.
+    /// Casts one ray to where each of these was last seen.
     fn ask(
-        &mut self,
+        &self,
         scene: &QueryScene,
         camera: &CameraRays,
-        mut unseen: Vec<(f64, u32)>,
-        most: usize,
+        asked: &[u32],
         progress: &dyn Progress,
-    ) -> Option<()> {
-        if most == 0 {
-            return Some(());
+    ) -> Option<Tally> {
+        if asked.is_empty() {
+            return Some(self.tallies.take(scene.exact.drawable_count(), true));
         }
-        if unseen.len() > most {
-            unseen.select_nth_unstable_by(most, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-            unseen.truncate(most);
-        }
-        let (right, up) = camera.pixel_steps();
-        let mut questions: Vec<(u64, u32, Ray)> = unseen
-            .iter()
-            .map(|&(_, drawable)| {
-                let ray = ray_to(camera, self.known[drawable as usize].point);
-                // Neighbours on the screen, by and large, are asked together: tiles of 64 pixels.
-                let across = ray.direction / ray.direction.dot(camera.forward()).abs().max(f64::MIN_POSITIVE)
-                    + ray.origin
-                    - camera.eye();
-                let tile = |step: DVec3| (across.dot(step) / step.length_squared() / 64.0) as i32 + (1 << 20);
-                ((tile(up) as u64) << 32 | tile(right) as u64, drawable, ray)
-            })
-            .collect();
+        let ray = |&drawable: &u32| (drawable, ray_to(camera, self.memory.point(drawable)));
+        let mut questions: Vec<(u64, u32, Ray)> =
+            asked.iter().map(ray).map(|(drawable, ray)| (tile_of(camera, &ray), drawable, ray)).collect();
+        // Neighbours on the screen, by and large, are asked together.
         questions.sort_unstable_by_key(|&(tile, drawable, _)| (tile, drawable));
-        for &(_, drawable, _) in &questions {
-            self.known[drawable as usize].in_vain += 1;
-        }
         let rays: Vec<Ray> = questions.iter().map(|&(_, _, ray)| ray).collect();
         let source = ListedRays { rays: &rays, per_batch: QUESTIONS_PER_BATCH, filter: scene.filter };
-        let tally = cast(scene, self.settings.method, &source, true, progress)?;
-        // They were aimed: they say what is there, not how much of it.
-        self.learn(&tally, false);
-        Some(())
+        cast(scene, self.settings.method, &source, true, &self.tallies, progress)
     }
 
-    /// The answer as it stands.
-    fn answer(&self) -> VisibleSet {
-        let mut found = VisibleSet::new(self.known.len() as u32);
-        (found.rays, found.hits) = (self.rays as u64, self.hits as u64);
-        for &drawable in &self.kept {
-            found.visible[drawable as usize] = true;
-            found.samples[drawable as usize] = self.known[drawable as usize].samples as u32;
+    /// Takes in a whole frame of this view.
+    fn commit(&mut self, scene: &QueryScene, camera: &CameraRays, lesson: &Lesson) {
+        self.memory.learn(lesson, &self.settings);
+        let rays = lesson.seen.found.rays;
+        match &mut self.view {
+            Some(view) if lesson.is_still => view.rays += rays,
+            view => {
+                let (scene, filter) = (scene.exact.id(), scene.filter.clone());
+                *view = Some(View { scene, camera: *camera, filter, since: self.memory.frame, rays });
+            }
         }
-        found
     }
 }
 
-/// Xue et al. 2016, equation 4: (pi/180) arctan(R/d), for the sphere around a box.
-fn weight(min: DVec3, max: DVec3, camera: &CameraRays) -> f64 {
-    let radius = 0.5 * (max - min).length();
-    let distance = (0.5 * (min + max) - camera.eye()).length();
-    (radius / distance).atan().to_radians()
+/// What is kept and not seen.
+#[derive(Default)]
+struct Unseen {
+    /// Out of view, hidden by the user, or not seen for too long.
+    gone: Vec<u32>,
+    /// What can be asked after, with its [`apparent_size`].
+    doubtful: Vec<(f64, u32)>,
+}
+
+impl Unseen {
+    /// The largest of the doubtful, `most` of them.
+    fn largest(&mut self, most: usize) -> Vec<u32> {
+        if self.doubtful.len() > most {
+            self.doubtful.select_nth_unstable_by(most, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            self.doubtful.truncate(most);
+        }
+        self.doubtful.iter().map(|&(_, drawable)| drawable).collect()
+    }
+}
+
+/// How large the sphere around a box looks: (R/d)^2, R its radius and d its distance.
+///
+/// Xue et al. 2016, equation 4, weigh objects by (pi/180) arctan(R/d). We only order by it, and this grows as that does;
+/// `atan` differs in its last bits from platform to platform, and so would the order. And we weigh drawables by their own
+/// boxes: the chunks of a part that is all over the scene are not all as near as the part.
+fn apparent_size(min: DVec3, max: DVec3, eye: DVec3) -> f64 {
+    0.25 * (max - min).length_squared() / (0.5 * (min + max) - eye).length_squared()
 }
 
 /// The camera's ray through a point.
@@ -266,18 +204,28 @@ fn ray_to(camera: &CameraRays, point: DVec3) -> Ray {
     }
 }
 
+/// Numbers the tiles of 64 x 64 pixels, row by row, for a ray of the camera.
+fn tile_of(camera: &CameraRays, ray: &Ray) -> u64 {
+    let (right, down) = camera.pixel_steps();
+    let depth = ray.direction.dot(camera.forward()).abs().max(f64::MIN_POSITIVE);
+    let across = ray.direction / depth + ray.origin - camera.eye();
+    let tile = |step: DVec3| (across.dot(step) / step.length_squared() / 64.0) as i32 + (1 << 20);
+    (tile(down) as u64) << 32 | tile(right) as u64
+}
+
 impl Culling for CoherentQuery {
     fn name(&self) -> String {
         match self.settings.method {
-            Method::Voxel => "coherent-voxel",
-            Method::Exact => "coherent-exact",
-            Method::Hybrid | Method::Frustum => "coherent",
+            RayMethod::Voxel => "coherent-voxel",
+            RayMethod::Exact => "coherent-exact",
+            RayMethod::Hybrid => "coherent",
         }
         .to_owned()
     }
 
     fn reset(&mut self) {
-        *self = CoherentQuery::new(self.settings);
+        self.view = None;
+        self.memory = Memory::default();
     }
 
     fn keeps_state(&self) -> bool {
@@ -291,30 +239,32 @@ impl Culling for CoherentQuery {
         progress: &dyn Progress,
     ) -> Option<CulledFrame> {
         let mut stages = Vec::new();
-        let stands = timed(&mut stages, "begin", || self.begin(scene, camera));
-        if let Some(answer) = self.answer.as_ref().filter(|_| stands) {
-            return Some(CulledFrame { found: answer.clone(), stages });
+        let is_still = timed(&mut stages, "begin", || self.begin(scene, camera));
+        if is_still && self.has_enough(camera) {
+            let found = timed(&mut stages, "answer", || self.memory.answer(0));
+            return Some(CulledFrame { found, stages });
         }
-        let settings = QuerySettings {
-            rays_per_pixel: self.settings.rays_per_pixel,
-            first_sample: (self.frame - 1).wrapping_mul(self.settings.rays_per_pixel.samples()),
-            ..QuerySettings::default()
-        };
-        timed(&mut stages, "rays", || {
+        let CoherentSettings { method, rays_per_pixel, questions, .. } = self.settings;
+        let first_sample = self.memory.frame.wrapping_mul(rays_per_pixel.samples());
+        let settings = QuerySettings { rays_per_pixel, first_sample, ..QuerySettings::default() };
+        let seen = timed(&mut stages, "rays", || {
             let source = ImageRays::new(scene, camera, &settings);
-            let tally = cast(scene, self.settings.method, &source, true, progress)?;
-            self.learn(&tally, true);
-            let most = (tally.found.rays as f64 * self.settings.questions) as usize;
-            Some(most)
-        })
-        .and_then(|most| {
-            timed(&mut stages, "questions", || {
-                let unseen = self.prune(scene, camera);
-                self.ask(scene, camera, unseen, most, progress)
-            })
+            cast(scene, method, &source, true, &self.tallies, progress)
         })?;
-        let found = timed(&mut stages, "answer", || self.answer());
-        self.answer = Some(found.clone());
+        let (unseen, asked, met) = timed(&mut stages, "questions", || {
+            let mut unseen = self.survey(scene, camera, is_still, &seen);
+            let asked = unseen.largest((seen.found.rays as f64 * questions) as usize);
+            let met = self.ask(scene, camera, &asked, progress)?;
+            Some((unseen, asked, met))
+        })?;
+        let found = timed(&mut stages, "answer", || {
+            let lesson = Lesson { seen: &seen, met: &met, asked: &asked, gone: &unseen.gone, is_still };
+            self.commit(scene, camera, &lesson);
+            let rays = seen.found.rays + met.found.rays;
+            self.tallies.give(seen);
+            self.tallies.give(met);
+            self.memory.answer(rays)
+        });
         Some(CulledFrame { found, stages })
     }
 }
