@@ -11,7 +11,7 @@
 //!   centres they may lose: that is counted and printed;
 //! - `frustum` hides nothing that any ray meets;
 //! - `coherent` and `coherent-voxel` find in a first frame what `hybrid` and `voxel` find with the same rays, in a second
-//!   frame what both frames' rays find, and keep nothing that is out of view;
+//!   frame what both frames' rays find; `coherent` keeps nothing that is out of view;
 //! - `adaptive` makes nothing up, and loses only what is smaller than a tile of rays;
 //! - nobody shows what is hidden by the user.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a failed test panics")]
