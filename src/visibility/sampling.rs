@@ -46,7 +46,7 @@ pub(super) enum Part {
 
 impl Part {
     fn has(self, column: u32, row: u32) -> bool {
-        let is_quarter = || (column + 2 * row + row / 2) % 4 == 0;
+        let is_quarter = || (column + 2 * row + row / 2).is_multiple_of(4);
         match self {
             Part::All => true,
             Part::Quarter => is_quarter(),
