@@ -40,7 +40,7 @@ pub struct Visible {
     /// Rays per pixel, such as 4 or 1/16
     #[arg(long, default_value = "1", value_name = "N")]
     rays_per_pixel: RaysPerPixel,
-    /// Beyond the first ray per pixel, spend rays only where drawables change
+    /// Spend rays only where drawables change: one ray per pixel, or a quarter of fewer, and the rest where they differ
     #[arg(long)]
     adaptive: bool,
     /// Another seed is another jitter of the rays
@@ -125,6 +125,7 @@ impl Visible {
                 "method": method,
                 "camera": camera,
                 "rays": answer.rays,
+                "weight": answer.weight,
                 "elapsed_ms": elapsed_ms,
                 "objects": list.collect::<Vec<_>>(),
             });
@@ -136,8 +137,12 @@ impl Visible {
                 return Ok(());
             }
         }
+        let spared = match answer.weight.saturating_sub(answer.rays) {
+            0 => String::new(),
+            spared => format!(" ({} spared)", human_count(spared)),
+        };
         print_out!(
-            "{} of {} objects visible, {} rays in {elapsed_ms:.1} ms",
+            "{} of {} objects visible, {} rays{spared} in {elapsed_ms:.1} ms",
             human_count(objects.len() as u64),
             human_count(scene.objects().len() as u64),
             human_count(answer.rays),

@@ -8,6 +8,8 @@ mod chunk_bvh;
 pub mod intersect;
 mod packet;
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use glam::{DAffine3, DMat3, DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -59,8 +61,12 @@ struct Placed {
     transparent: bool,
 }
 
+/// Scenes made by this process: what tells one from another.
+static SCENES: AtomicU64 = AtomicU64::new(0);
+
 /// All level-0 triangles of a scene, ready for rays.
 pub struct ExactScene {
+    id: u64,
     chunks: Vec<ChunkBvh>,
     instances: Vec<Placed>,
     /// Of the instances, widened, relative to `centre`.
@@ -102,6 +108,7 @@ impl ExactScene {
             })
             .collect();
         ExactScene {
+            id: SCENES.fetch_add(1, Ordering::Relaxed),
             chunks,
             instances,
             boxes,
@@ -190,6 +197,17 @@ impl ExactScene {
     /// Number of instances.
     pub fn drawable_count(&self) -> u32 {
         self.instances.len() as u32
+    }
+
+    /// A number that no other scene of this process has: what was learned about this scene is marked with it.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// World-space box of one drawable, a little wider than its triangles: by 2^-19 of the scene's largest side.
+    pub fn drawable_box(&self, drawable: u32) -> (DVec3, DVec3) {
+        let Aabb { min, max } = self.boxes[drawable as usize];
+        (self.centre + min.as_dvec3(), self.centre + max.as_dvec3())
     }
 
     /// Triangles of one drawable.

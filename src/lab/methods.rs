@@ -9,9 +9,9 @@ use crate::loaded::LoadedScene;
 use crate::occlusion::OcclusionScene;
 use crate::occlusion::hzb::{Hzb, HzbSettings};
 use crate::occlusion::hzm::{Hzm, HzmSettings};
-use crate::visibility::coherent::{CoherentQuery, CoherentSettings};
+use crate::visibility::coherent::CoherentQuery;
 use crate::visibility::culling::{Culling, FreshQuery};
-use crate::visibility::{Method, QuerySettings, RaysPerPixel};
+use crate::visibility::{Method, QuerySettings, RayMethod, RaysPerPixel};
 
 /// A kind of culling and how to make one.
 pub struct MethodKind {
@@ -37,9 +37,9 @@ pub static METHODS: &[MethodKind] = &[
     MethodKind { name: "frustum", about: "boxes against the view pyramid, no occlusion", takes_rays: false, uses_voxels: false, keeps_state: false, make: |_, _| fresh(Method::Frustum, RaysPerPixel::ONE, false) },
     MethodKind { name: "voxel", about: "the first occupied voxel along each ray wins", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Voxel, rays, false) },
     MethodKind { name: "hybrid", about: "voxels propose, their triangles decide", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Hybrid, rays, false) },
-    MethodKind { name: "adaptive", about: "hybrid, whose rays beyond the first a pixel go where drawables change", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Hybrid, rays, true) },
-    MethodKind { name: "coherent", about: "hybrid, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, keeps_state: true, make: |_, rays| coherent(Method::Hybrid, rays) },
-    MethodKind { name: "coherent-voxel", about: "voxel, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, keeps_state: true, make: |_, rays| coherent(Method::Voxel, rays) },
+    MethodKind { name: "adaptive", about: "hybrid, whose rays beyond the first a pixel (beyond a quarter of fewer) go where drawables change", takes_rays: true, uses_voxels: true, keeps_state: false, make: |_, rays| fresh(Method::Hybrid, rays, true) },
+    MethodKind { name: "coherent", about: "hybrid, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, keeps_state: true, make: |_, rays| coherent(RayMethod::Hybrid, rays) },
+    MethodKind { name: "coherent-voxel", about: "voxel, which keeps what earlier frames found", takes_rays: true, uses_voxels: true, keeps_state: true, make: |_, rays| coherent(RayMethod::Voxel, rays) },
     MethodKind { name: "hzm", about: "boxes against the depth of a few good occluders (Peng and Cao 2013)", takes_rays: false, uses_voxels: false, keeps_state: false, make: hzm },
     MethodKind { name: "hzb", about: "boxes against the depth of what the last frame saw, in two passes", takes_rays: false, uses_voxels: false, keeps_state: true, make: hzb },
     MethodKind { name: "exact", about: "rays against all triangles", takes_rays: true, uses_voxels: false, keeps_state: false, make: |_, rays| fresh(Method::Exact, rays, false) },
@@ -62,8 +62,8 @@ fn fresh(method: Method, rays: RaysPerPixel, adaptive: bool) -> Box<dyn Culling>
     Box::new(FreshQuery { method, settings })
 }
 
-fn coherent(method: Method, rays: RaysPerPixel) -> Box<dyn Culling> {
-    Box::new(CoherentQuery::new(CoherentSettings::new(method, rays)))
+fn coherent(method: RayMethod, rays: RaysPerPixel) -> Box<dyn Culling> {
+    Box::new(CoherentQuery::of(method, rays))
 }
 
 impl MethodKind {

@@ -353,7 +353,7 @@ fn view_facts(scene: &QueryScene, camera: &CameraRays, reference: &VisibleSet) -
         in_frustum: frustum.visible_count() as u64,
         frustum_triangles: inside.map(|drawable| u64::from(scene.exact.triangle_count(drawable))).sum(),
         reference: reference.visible_count() as u64,
-        coverage: reference.hits as f64 / reference.rays.max(1) as f64,
+        coverage: reference.hits as f64 / reference.weight.max(1) as f64,
     }
 }
 

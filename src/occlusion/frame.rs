@@ -49,5 +49,5 @@ impl Workspace {
 
 /// The answer of a method that casts no rays.
 pub(super) fn answer(visible: Vec<bool>) -> VisibleSet {
-    VisibleSet { rays: 0, hits: 0, samples: vec![0; visible.len()], visible }
+    VisibleSet { samples: vec![0; visible.len()], visible, ..VisibleSet::default() }
 }

@@ -82,8 +82,8 @@ pub fn accuracy(
     triangles: impl Fn(u32) -> u32,
 ) -> Accuracy {
     assert_eq!(reference.samples.len(), answer.samples.len(), "answers of two different scenes");
-    let reference_per_pixel = reference.rays as f64 / pixels as f64;
-    let answer_per_pixel = answer.rays as f64 / pixels as f64;
+    let reference_per_pixel = reference.weight as f64 / pixels as f64;
+    let answer_per_pixel = answer.weight as f64 / pixels as f64;
     let mut result = Accuracy {
         reference: 0,
         answer: 0,
@@ -118,7 +118,7 @@ pub fn accuracy(
             class.reference += 1;
             class.wrongly_hidden += u64::from(hidden);
         }
-        if seen_px >= COUNT_ERROR_FROM_PX && answer.rays > 0 {
+        if seen_px >= COUNT_ERROR_FROM_PX && answer.weight > 0 {
             let answer_px = f64::from(answer.samples[drawable]) / answer_per_pixel;
             count_error += (answer_px - seen_px).abs() / seen_px;
             counted += 1;
@@ -133,10 +133,12 @@ pub fn accuracy(
 mod tests {
     use super::*;
 
-    fn set(rays: u64, samples: &[u32]) -> VisibleSet {
+    fn set(weight: u64, samples: &[u32]) -> VisibleSet {
         VisibleSet {
-            rays,
-            hits: rays,
+            // What an answer cost is no part of its errors.
+            rays: weight / 3,
+            weight,
+            hits: weight,
             samples: samples.to_vec(),
             visible: samples.iter().map(|&n| n > 0).collect(),
         }

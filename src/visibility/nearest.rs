@@ -58,7 +58,10 @@ pub(crate) struct Asked {
 impl Asked {
     /// Another tile, of a scene with so many drawables: nothing is asked yet.
     pub fn begin(&mut self, drawables: u32) {
-        self.by.resize(drawables as usize, 0);
+        if self.by.len() != drawables as usize {
+            // Zeroed by the system, page by page, as they are used: few rays do not pay for all drawables.
+            self.by = vec![0; drawables as usize];
+        }
         self.tile = self.tile.wrapping_add(1);
         if self.tile == 0 {
             self.by.fill(0);

@@ -1,4 +1,9 @@
 //! Which rays a query casts: cells of a grid, tiles of cells, and points within a cell.
+//!
+//! At 1/n ray per pixel a cell is n pixels. Where n is a square (1/4, 1/9, 1/16, ...) these are k x k whole pixels, and n
+//! successive samples cast exactly the rays that one sample casts at one ray per pixel, each once. At any other n
+//! (1/2, 1/7, ...) the points of a cell are those of the R2 sequence: no two alike, but after n samples some
+//! pixels have had two rays and about one in eight none.
 
 use std::fmt;
 use std::ops::Range;
@@ -6,6 +11,7 @@ use std::str::FromStr;
 
 use serde::{Serialize, Serializer};
 
+use super::pixel_order::PixelOrder;
 use crate::camera::CameraRays;
 use crate::ray::Ray;
 
@@ -25,6 +31,27 @@ impl Tile {
     /// Cells of the tile.
     pub fn cells(&self) -> u64 {
         self.columns.len() as u64 * self.rows.len() as u64
+    }
+}
+
+/// Cells of a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    All,
+    /// One of every four in a row or column, so that nothing runs between them: of 4 x 4 a solution of the four queens.
+    Quarter,
+    /// All but these.
+    Rest,
+}
+
+impl Part {
+    fn has(self, column: u32, row: u32) -> bool {
+        let is_quarter = || (column + 2 * row + row / 2).is_multiple_of(4);
+        match self {
+            Part::All => true,
+            Part::Quarter => is_quarter(),
+            Part::Rest => !is_quarter(),
+        }
     }
 }
 
@@ -72,6 +99,12 @@ impl RaysPerPixel {
     pub fn spacing(self) -> f64 {
         f64::from(self.pixels).sqrt()
     }
+
+    /// That side where it is a whole number of pixels, more than one: 1/16 is a ray in each 4 x 4.
+    fn whole_spacing(self) -> Option<u32> {
+        let side = self.pixels.isqrt();
+        (side > 1 && side * side == self.pixels).then_some(side)
+    }
 }
 
 impl FromStr for RaysPerPixel {
@@ -117,12 +150,18 @@ impl Jitter {
     /// The point of a sample in a cell, in `0..1`.
     pub fn offset(self, sample: u32, column: u32, row: u32) -> (f64, f64) {
         let (x, y) = sample_offset(sample);
+        let (right, down) = self.shift(column, row);
+        ((x + right).fract(), (y + down).fract())
+    }
+
+    /// How far the points of a cell are moved, at least 0.
+    fn shift(self, column: u32, row: u32) -> (f64, f64) {
         match self {
-            Jitter::Regular => (x, y),
+            Jitter::Regular => (0.0, 0.0),
             Jitter::Scattered => {
                 let (column, row) = (f64::from(column), f64::from(row));
                 let (long, short) = STEPS;
-                ((x + column * short + row * long).fract(), (y + column * long + row * short).fract())
+                (column * short + row * long, column * long + row * short)
             }
         }
     }
@@ -130,7 +169,7 @@ impl Jitter {
 
 /// The square cells of an image in each of which a query casts as many rays: pixels, or larger ones where there is less
 /// than a ray a pixel. The last column and row may reach beyond the image; rays there are left out.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct RayGrid<'a> {
     camera: &'a CameraRays,
     /// Side of a cell, pixels.
@@ -138,6 +177,8 @@ pub struct RayGrid<'a> {
     columns: u32,
     rows: u32,
     jitter: Jitter,
+    /// Where cells are whole pixels: which of them comes when.
+    order: Option<PixelOrder>,
 }
 
 impl<'a> RayGrid<'a> {
@@ -146,7 +187,8 @@ impl<'a> RayGrid<'a> {
         let spacing = rays.spacing();
         let cells = |pixels: u32| (f64::from(pixels) / spacing).ceil() as u32;
         let (width, height) = camera.size();
-        RayGrid { camera, spacing, columns: cells(width), rows: cells(height), jitter }
+        let order = rays.whole_spacing().map(PixelOrder::new);
+        RayGrid { camera, spacing, columns: cells(width), rows: cells(height), jitter, order }
     }
 
     /// All tiles, row by row.
@@ -159,12 +201,57 @@ impl<'a> RayGrid<'a> {
     }
 
     /// Calls `visit` for one ray of each cell of a tile: that of this sample.
-    pub fn for_each_ray(&self, tile: &Tile, sample: u32, mut visit: impl FnMut(PixelRay)) {
+    pub fn for_each_ray(&self, tile: &Tile, sample: u32, visit: impl FnMut(PixelRay)) {
+        self.for_each_ray_of(tile, Part::All, sample, visit);
+    }
+
+    /// Rays that [`RayGrid::for_each_ray_of`] visits.
+    pub(super) fn count_rays(&self, tile: &Tile, part: Part, sample: u32) -> u64 {
+        let mut count = 0;
+        self.for_each_ray_of(tile, part, sample, |_| count += 1);
+        count
+    }
+
+    /// As [`RayGrid::for_each_ray`], for a part of the cells.
+    pub(super) fn for_each_ray_of(
+        &self,
+        tile: &Tile,
+        part: Part,
+        sample: u32,
+        mut visit: impl FnMut(PixelRay),
+    ) {
+        match &self.order {
+            None => self.for_each_point(tile, part, &mut visit, |column, row| {
+                let (x, y) = self.jitter.offset(sample, column, row);
+                ((f64::from(column) + x) * self.spacing, (f64::from(row) + y) * self.spacing)
+            }),
+            Some(order) => {
+                let (first, sample) = order.of_sample(sample);
+                let side = order.side();
+                self.for_each_point(tile, part, &mut visit, |column, row| {
+                    let (right, down) = self.jitter.shift(column, row);
+                    let (x, y) = order.shifted(first, (right.fract(), down.fract()));
+                    // From here on as if the pixel were a cell of its own.
+                    let (column, row) = (column * side + x, row * side + y);
+                    let (x, y) = self.jitter.offset(sample, column, row);
+                    (f64::from(column) + x, f64::from(row) + y)
+                });
+            }
+        }
+    }
+
+    /// Calls `visit` for a ray of each cell of a tile through the point that is given for the cell, in pixels.
+    fn for_each_point(
+        &self,
+        tile: &Tile,
+        part: Part,
+        visit: &mut impl FnMut(PixelRay),
+        point: impl Fn(u32, u32) -> (f64, f64),
+    ) {
         let (width, height) = self.camera.size();
         for row in tile.rows.clone() {
-            for column in tile.columns.clone() {
-                let (x, y) = self.jitter.offset(sample, column, row);
-                let (x, y) = ((f64::from(column) + x) * self.spacing, (f64::from(row) + y) * self.spacing);
+            for column in tile.columns.clone().filter(|&column| part.has(column, row)) {
+                let (x, y) = point(column, row);
                 if x < f64::from(width) && y < f64::from(height) {
                     visit(PixelRay { column, row, ray: self.camera.ray(x, y) });
                 }
@@ -245,6 +332,90 @@ mod tests {
                 for (sample, upright) in [(0, true), (0, false), (7, true), (1 << 24, false)] {
                     let place = format!("{width} px wide at {at}, sample {sample}, upright {upright}");
                     assert!(is_met(Jitter::Scattered, sample, upright), "{place}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_quarter_of_a_tile_is_in_every_row_and_column_and_the_rest_is_the_rest() {
+        let camera = camera(64, 40);
+        let grid = RayGrid::new(&camera, RaysPerPixel::ONE, Jitter::Scattered);
+        for tile in grid.tiles() {
+            let cells = |part| {
+                let mut cells = Vec::new();
+                grid.for_each_ray_of(&tile, part, 3, |cell| cells.push((cell.column, cell.row)));
+                cells
+            };
+            let (quarter, rest) = (cells(Part::Quarter), cells(Part::Rest));
+            for line in 0..8 {
+                let in_column = quarter.iter().filter(|&&(column, _)| column == tile.columns.start + line);
+                let in_row = quarter.iter().filter(|&&(_, row)| row == tile.rows.start + line);
+                assert_eq!((in_column.count(), in_row.count()), (2, 2), "{tile:?}, line {line}");
+            }
+            let mut both = [quarter, rest].concat();
+            let mut all = cells(Part::All);
+            both.sort_unstable();
+            all.sort_unstable();
+            assert_eq!(both, all);
+        }
+    }
+
+    #[test]
+    fn samples_of_cells_of_whole_pixels_are_the_rays_of_one_sample_a_pixel() {
+        // In a last column or row, too, where cells reach beyond the image.
+        for (jitter, sample) in [(Jitter::Regular, 0), (Jitter::Scattered, 0), (Jitter::Scattered, 5)] {
+            for side in [1u32, 2, 3, 4, 8] {
+                let camera = camera(37, 22);
+                let all = |rays: RaysPerPixel, samples: Range<u32>| {
+                    let grid = RayGrid::new(&camera, rays, jitter);
+                    let mut directions = Vec::new();
+                    for (sample, tile) in
+                        samples.flat_map(|s| grid.tiles().into_iter().map(move |tile| (s, tile)))
+                    {
+                        grid.for_each_ray(&tile, sample, |cell| {
+                            directions.push(cell.ray.direction.to_array())
+                        });
+                    }
+                    directions.sort_by(|a, b| a.partial_cmp(b).unwrap());
+                    directions
+                };
+                let n = side * side;
+                let by_pixel = all(RaysPerPixel::ONE, sample..sample + 1);
+                let by_cell = all(format!("1/{n}").parse().unwrap(), sample * n..(sample + 1) * n);
+                assert_eq!(by_pixel.len(), 37 * 22);
+                assert!(by_cell == by_pixel, "{jitter:?}, sample {sample}, cells of {side} x {side}");
+            }
+        }
+    }
+
+    #[test]
+    fn scattered_cells_of_whole_pixels_leave_no_gap_either() {
+        // A post or a beam a tenth of a cell wide and 48 cells long, in one sample.
+        let (columns, width) = (48, 0.1);
+        for side in [2u32, 4, 8] {
+            let camera = camera(columns * side, columns * side);
+            let rays = RaysPerPixel { rays: 1, pixels: side * side };
+            let grid = RayGrid::new(&camera, rays, Jitter::Scattered);
+            for sample in [0, 7, 1 << 24] {
+                let mut points = [vec![Vec::new(); columns as usize], vec![Vec::new(); columns as usize]];
+                for tile in grid.tiles() {
+                    grid.for_each_ray(&tile, sample, |cell| {
+                        // Where in the image the ray goes, in cells.
+                        let (right, down) = camera.pixel_steps();
+                        let direction = cell.ray.direction - camera.ray(0.0, 0.0).direction;
+                        let at = [right, down]
+                            .map(|step| direction.dot(step) / step.length_squared() / f64::from(side));
+                        points[0][cell.column as usize].push(at[0] - f64::from(cell.column));
+                        points[1][cell.row as usize].push(at[1] - f64::from(cell.row));
+                    });
+                }
+                for line in points.iter_mut().flatten() {
+                    line.sort_by(f64::total_cmp);
+                    let starts = std::iter::once(0.0).chain(line.iter().copied());
+                    let gaps = starts.zip(line.iter().copied().chain([1.0])).map(|(a, b)| b - a);
+                    let widest = gaps.fold(0.0, f64::max);
+                    assert!(widest < width, "{side} x {side}, sample {sample}: a gap of {widest}");
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Where the rays of a query come from, batch by batch: the cells of an image, or a list.
 
-use super::sampling::{RayGrid, Tile};
+use super::sampling::{Part, RayGrid, Tile};
 use super::{QueryScene, QuerySettings};
 use crate::camera::CameraRays;
 use crate::filter::Filter;
@@ -10,14 +10,14 @@ use crate::ray::Ray;
 pub(super) trait RaySource: Sync {
     /// Batches.
     fn batches(&self) -> usize;
-    /// Samples of each cell.
-    fn samples(&self) -> u32;
+    /// Into how many casts the rays of a batch are divided, at least 1.
+    fn steps(&self) -> u32;
     /// Cells of a batch, for a progress bar.
     fn cells(&self, batch: usize) -> u64;
-    /// Appends the rays of one sample of a batch, cut to what the filter leaves. Returns how many there were.
-    fn rays(&self, batch: usize, sample: u32, rays: &mut Vec<Ray>) -> u64;
-    /// Does one sample do for a batch that is all one drawable?
-    fn is_adaptive(&self) -> bool;
+    /// Appends the rays of one step of a batch, cut to what the filter leaves. Returns how many there were.
+    fn rays(&self, batch: usize, step: u32, rays: &mut Vec<Ray>) -> u64;
+    /// May the steps after this one be spared where all its rays met the same? Then how many rays these are.
+    fn rest(&self, batch: usize, step: u32) -> Option<u64>;
 }
 
 /// The rays of an image.
@@ -31,7 +31,24 @@ pub(super) struct ImageRays<'a> {
 impl<'a> ImageRays<'a> {
     pub fn new(scene: &QueryScene<'a>, camera: &'a CameraRays, settings: &QuerySettings) -> Self {
         let grid = RayGrid::new(camera, settings.rays_per_pixel, settings.jitter);
-        ImageRays { grid, tiles: grid.tiles(), filter: scene.filter, settings: *settings }
+        ImageRays { tiles: grid.tiles(), grid, filter: scene.filter, settings: *settings }
+    }
+}
+
+impl ImageRays<'_> {
+    /// A step is a sample; where there is but one, and it may do with less, a quarter of it, and the rest.
+    fn is_divided(&self) -> bool {
+        self.settings.adaptive && self.settings.rays_per_pixel.samples() == 1
+    }
+
+    /// Cells and sample of a step.
+    fn step(&self, step: u32) -> (Part, u32) {
+        let first = self.settings.first_sample;
+        match (self.is_divided(), step) {
+            (true, 0) => (Part::Quarter, first),
+            (true, _) => (Part::Rest, first),
+            (false, _) => (Part::All, first.wrapping_add(step)),
+        }
     }
 }
 
@@ -40,26 +57,32 @@ impl RaySource for ImageRays<'_> {
         self.tiles.len()
     }
 
-    fn samples(&self) -> u32 {
-        self.settings.rays_per_pixel.samples()
+    fn steps(&self) -> u32 {
+        if self.is_divided() { 2 } else { self.settings.rays_per_pixel.samples() }
     }
 
     fn cells(&self, batch: usize) -> u64 {
         self.tiles[batch].cells()
     }
 
-    fn rays(&self, batch: usize, sample: u32, rays: &mut Vec<Ray>) -> u64 {
+    fn rays(&self, batch: usize, step: u32, rays: &mut Vec<Ray>) -> u64 {
+        let (part, sample) = self.step(step);
         let mut cast = 0;
-        let sample = self.settings.first_sample.wrapping_add(sample);
-        self.grid.for_each_ray(&self.tiles[batch], sample, |cell| {
+        self.grid.for_each_ray_of(&self.tiles[batch], part, sample, |cell| {
             cast += 1;
             rays.extend(self.filter.clipped(&cell.ray));
         });
         cast
     }
 
-    fn is_adaptive(&self) -> bool {
-        self.settings.adaptive
+    fn rest(&self, batch: usize, step: u32) -> Option<u64> {
+        (self.settings.adaptive && step == 0 && self.steps() > 1).then(|| {
+            let tile = &self.tiles[batch];
+            (1..self.steps())
+                .map(|step| self.step(step))
+                .map(|(part, sample)| self.grid.count_rays(tile, part, sample))
+                .sum()
+        })
     }
 }
 
@@ -75,7 +98,7 @@ impl RaySource for ListedRays<'_> {
         self.rays.len().div_ceil(self.per_batch)
     }
 
-    fn samples(&self) -> u32 {
+    fn steps(&self) -> u32 {
         1
     }
 
@@ -88,8 +111,8 @@ impl RaySource for ListedRays<'_> {
         self.cells(batch)
     }
 
-    fn is_adaptive(&self) -> bool {
-        false
+    fn rest(&self, _: usize, _: u32) -> Option<u64> {
+        None
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a thread counts while it casts rays.
 
+use std::sync::{Mutex, PoisonError};
+
 use glam::DVec3;
 
 use super::VisibleSet;
@@ -15,19 +17,22 @@ pub(crate) struct Passed {
 }
 
 /// Where a drawable was seen.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sighting {
+#[derive(Clone, Copy, Debug, Default)]
+struct Sighting {
     /// Place of the ray in the order of all rays.
     order: u64,
     /// World space.
-    pub point: DVec3,
+    point: DVec3,
 }
 
 /// Counts, and where each drawable was seen first, if that is wanted.
+#[derive(Default)]
 pub(super) struct Tally {
     pub found: VisibleSet,
-    /// One for each drawable that was seen; `None` when nobody asks.
-    pub sightings: Option<Vec<Option<Sighting>>>,
+    /// The drawables of `found`, in the order in which they were met first: all that there is to merge, read or forget.
+    seen: Vec<u32>,
+    /// One for each drawable, of use only where `found` has it; none when nobody asks.
+    sightings: Vec<Sighting>,
     /// Order of the first ray of this batch and sample.
     order: u64,
     /// What this batch has met.
@@ -36,22 +41,74 @@ pub(super) struct Tally {
 }
 
 /// Drawables that a batch has met.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Met {
+    #[default]
     Nothing,
     One(u32),
     Several,
 }
 
-impl Tally {
-    pub fn new(drawables: u32, with_sightings: bool) -> Self {
-        Tally {
-            found: VisibleSet::new(drawables),
-            sightings: with_sightings.then(|| vec![None; drawables as usize]),
-            order: 0,
-            met: Met::Nothing,
-            hits_before: 0,
+/// Tallies of earlier queries, to be used again: clearing one costs what it has seen, making one what the scene has. Which
+/// thread gets which does not matter.
+#[derive(Default)]
+pub(super) struct TallyPool {
+    spare: Mutex<Vec<Tally>>,
+}
+
+impl TallyPool {
+    /// An empty tally for a scene.
+    pub fn take(&self, drawables: u32, with_sightings: bool) -> Tally {
+        // A thread that panicked left whole tallies behind, or none.
+        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let is_fit = |tally: &Tally| tally.found.visible.len() == drawables as usize;
+        let mut tally = spare.filter(is_fit).unwrap_or_else(|| Tally::new(drawables));
+        if with_sightings && tally.sightings.is_empty() {
+            tally.sightings = vec![Sighting::default(); drawables as usize];
         }
+        tally
+    }
+
+    /// Takes a tally back.
+    pub fn give(&self, mut tally: Tally) {
+        tally.clear();
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(tally);
+    }
+}
+
+impl Tally {
+    fn new(drawables: u32) -> Self {
+        Tally { found: VisibleSet::new(drawables), ..Tally::default() }
+    }
+
+    fn clear(&mut self) {
+        for drawable in self.seen.drain(..) {
+            self.found.visible[drawable as usize] = false;
+            self.found.samples[drawable as usize] = 0;
+        }
+        (self.found.rays, self.found.weight, self.found.hits) = (0, 0, 0);
+    }
+
+    /// Is it wanted where each drawable was seen?
+    pub fn has_sightings(&self) -> bool {
+        !self.sightings.is_empty()
+    }
+
+    /// The drawables that were met, in no particular order, with where each was met first; nothing without sightings.
+    pub fn sightings(&self) -> impl Iterator<Item = (u32, DVec3)> {
+        self.seen.iter().filter_map(|&drawable| {
+            self.sightings.get(drawable as usize).map(|sighting| (drawable, sighting.point))
+        })
+    }
+
+    /// The drawables that were met, in no particular order, with their samples.
+    pub fn samples(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.seen.iter().map(|&drawable| (drawable, self.found.samples[drawable as usize]))
+    }
+
+    /// Was a drawable met?
+    pub fn has(&self, drawable: u32) -> bool {
+        self.found.visible[drawable as usize]
     }
 
     /// The next rays are those of this sample of this batch.
@@ -63,19 +120,28 @@ impl Tally {
 
     /// A drawable is visible; no sample.
     pub fn see(&mut self, drawable: u32, number: usize, ray: &Ray, t: f64) {
-        self.found.visible[drawable as usize] = true;
+        let is_known = self.meet(drawable);
         self.met = match self.met {
             Met::Nothing => Met::One(drawable),
             Met::One(same) if same == drawable => self.met,
             _ => Met::Several,
         };
-        if let Some(sightings) = &mut self.sightings {
+        if let Some(sighting) = self.sightings.get_mut(drawable as usize) {
             let order = self.order | number as u64;
-            let sighting = &mut sightings[drawable as usize];
-            if sighting.is_none_or(|before| order < before.order) {
-                *sighting = Some(Sighting { order, point: ray.at(t) });
+            if !is_known || order < sighting.order {
+                *sighting = Sighting { order, point: ray.at(t) };
             }
         }
+    }
+
+    /// A drawable is in the answer; returns whether it was before.
+    #[inline]
+    fn meet(&mut self, drawable: u32) -> bool {
+        let is_known = std::mem::replace(&mut self.found.visible[drawable as usize], true);
+        if !is_known {
+            self.seen.push(drawable);
+        }
+        is_known
     }
 
     /// One more sample of a drawable.
@@ -105,30 +171,55 @@ impl Tally {
         self.found.hits += u64::from(any);
     }
 
-    /// When all `rays` of this batch met the same one drawable, or all nothing: counts them `times` again.
-    pub fn repeat_if_uniform(&mut self, rays: u64, times: u64) -> bool {
-        let hits = self.found.hits - self.hits_before;
-        match self.met {
-            Met::Nothing => {}
-            Met::One(drawable) if hits == rays => {
-                let samples = &mut self.found.samples[drawable as usize];
-                *samples = samples.saturating_add((hits * times).min(u64::from(u32::MAX)) as u32);
-                self.found.hits += hits * times;
+    /// Did all `rays` since [`Tally::begin`] meet the same one drawable, or all nothing? No rays tell nothing.
+    pub fn is_uniform(&self, rays: u64) -> bool {
+        rays > 0
+            && match self.met {
+                Met::Nothing => true,
+                Met::One(_) => self.found.hits - self.hits_before == rays,
+                Met::Several => false,
             }
-            _ => return false,
-        }
-        self.found.rays += rays * times;
-        true
     }
 
-    pub fn merge(&mut self, other: Tally) {
-        self.found.merge(&other.found);
-        if let (Some(mine), Some(theirs)) = (&mut self.sightings, other.sightings) {
-            for (mine, theirs) in mine.iter_mut().zip(theirs) {
-                if theirs.is_some_and(|theirs| mine.is_none_or(|mine| theirs.order < mine.order)) {
-                    *mine = theirs;
-                }
+    /// The same again for `rays` rays more, which need not be cast: only where those before were uniform.
+    pub fn repeat(&mut self, rays: u64) {
+        if let Met::One(drawable) = self.met {
+            let samples = &mut self.found.samples[drawable as usize];
+            *samples = samples.saturating_add(rays.min(u64::from(u32::MAX)) as u32);
+            self.found.hits += rays;
+        }
+        self.found.weight += rays;
+    }
+
+    /// Adds what another thread counted.
+    pub fn merge(&mut self, other: &Tally) {
+        self.found.rays += other.found.rays;
+        self.found.weight += other.found.weight;
+        self.found.hits += other.found.hits;
+        for &drawable in &other.seen {
+            let is_known = self.meet(drawable);
+            let index = drawable as usize;
+            self.found.samples[index] = self.found.samples[index].saturating_add(other.found.samples[index]);
+            if let (Some(mine), Some(theirs)) = (self.sightings.get_mut(index), other.sightings.get(index))
+                && (!is_known || theirs.order < mine.order)
+            {
+                *mine = *theirs;
             }
         }
+    }
+}
+
+#[cfg(test)]
+impl Tally {
+    /// As if so many rays had met drawables so often, the first of which has all the hits.
+    pub fn of_samples(rays: u64, samples: &[u32]) -> Self {
+        let mut tally = TallyPool::default().take(samples.len() as u32, true);
+        (0..).zip(samples).filter(|&(_, &n)| n > 0).for_each(|(drawable, &n)| {
+            tally.meet(drawable);
+            tally.found.samples[drawable as usize] = n;
+        });
+        (tally.found.rays, tally.found.weight) = (rays, rays);
+        tally.found.hits = samples.first().copied().unwrap_or(0).into();
+        tally
     }
 }

@@ -79,7 +79,7 @@ impl<'a> RayQuery for VoxelQuery<'a> {
         let mut met = 0u64;
         RayCaster::new(self.scene.dag).cast_packet(packet, |ray, hit| {
             let mut first_opaque = None;
-            let t = if tally.sightings.is_some() { hit.t() } else { f64::NAN };
+            let t = if tally.has_sightings() { hit.t() } else { f64::NAN };
             let of_brick = owners.of_brick(&self.scene, hit);
             for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
                 met |= 1 << ray;

@@ -34,7 +34,7 @@ fn from_inside_a_closed_vessel_its_contents_are_seen_and_nothing_else() {
             let (eye, target) = (by.transform_point3(DVec3::ZERO), by.transform_point3(direction));
             for camera in [perspective(eye, target, 90.0, (61, 47)), parallel(eye, target, 2.0, (64, 48))] {
                 let answers = trial.look("in the vessel", &camera);
-                assert_eq!(answers.of("exact").hits, answers.of("exact").rays, "the vessel is closed");
+                assert_eq!(answers.of("exact").hits, answers.of("exact").weight, "the vessel is closed");
                 for outside in 7..13 {
                     assert_eq!(answers.dense.samples[outside], 0);
                     assert!(!answers.of("hzb to the last pixel").visible[outside], "object {outside}");

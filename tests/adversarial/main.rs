@@ -10,6 +10,9 @@
 //! - `hzm` and `hzb` hide nothing that a ray through a pixel's centre meets first. What is seen only between the
 //!   centres they may lose: that is counted and printed;
 //! - `frustum` hides nothing that any ray meets;
+//! - `coherent` and `coherent-voxel` find in a first frame what `hybrid` and `voxel` find with the same rays, in a second
+//!   frame what both frames' rays find; `coherent` keeps nothing that is out of view;
+//! - `adaptive` makes nothing up, and loses only what is smaller than a tile of rays;
 //! - nobody shows what is hidden by the user.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a failed test panics")]
 
@@ -17,6 +20,7 @@
 mod common;
 
 mod crowds;
+mod frames;
 mod inside;
 mod left_out;
 mod openings;

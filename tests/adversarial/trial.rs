@@ -12,12 +12,16 @@ use voxsight::occlusion::hzm::{Hzm, HzmSettings};
 use voxsight::prepare::{BuildSettings, Resolution, build};
 use voxsight::progress::Silent;
 use voxsight::report::Findings;
+use voxsight::visibility::coherent::CoherentQuery;
 use voxsight::visibility::culling::{Culling, FreshQuery};
-use voxsight::visibility::{Jitter, Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, query};
+use voxsight::visibility::{
+    Jitter, Method, QueryScene, QuerySettings, RayMethod, RaysPerPixel, VisibleSet, query,
+};
 use voxsight_voxel::raycast::{GridRay, Next};
 
 use crate::common::brute_force::{Agreement, FlatScene, compare_with_brute_force};
 use crate::common::load;
+use crate::frames::OverFrames;
 
 /// Rays per pixel of the dense reference; none goes through a centre.
 const DENSE: QuerySettings = QuerySettings {
@@ -83,6 +87,7 @@ pub struct Trial {
     flat: FlatScene,
     /// Asked in one frame after the other: `hzb` remembers.
     boxes: Vec<(&'static str, Box<dyn Culling>)>,
+    over_frames: OverFrames,
 }
 
 /// What each method found: `exact` and `hybrid` with rays through the centres.
@@ -120,10 +125,12 @@ fn box_methods(loaded: &LoadedScene) -> Vec<(&'static str, Box<dyn Culling>)> {
 /// `voxel` in plain words: the scalar walk, one ray at a time.
 fn first_voxels(scene: &QueryScene, camera: &CameraRays) -> VisibleSet {
     let count = scene.exact.drawable_count() as usize;
-    let mut found = VisibleSet { rays: 0, hits: 0, samples: vec![0; count], visible: vec![false; count] };
+    let mut found =
+        VisibleSet { samples: vec![0; count], visible: vec![false; count], ..VisibleSet::default() };
     let (width, height) = camera.size();
     for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
         found.rays += 1;
+        found.weight += 1;
         let ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let Some(ray) = scene.filter.clipped(&ray) else { continue };
         let ray = GridRay {
@@ -159,7 +166,8 @@ fn lost(seen: &VisibleSet, answer: &VisibleSet) -> Vec<usize> {
 impl Trial {
     /// Of an opened scene.
     pub fn new(loaded: LoadedScene) -> Self {
-        Trial { flat: FlatScene::new(loaded.scene()), boxes: box_methods(&loaded), loaded }
+        let (flat, boxes) = (FlatScene::new(loaded.scene()), box_methods(&loaded));
+        Trial { flat, boxes, over_frames: OverFrames::default(), loaded }
     }
 
     /// Asks all methods what the camera sees and checks what they promise, twice: `hzb` has a last frame then.
@@ -206,7 +214,8 @@ impl Trial {
                 }
             }
         }
-        for (method, answer) in &found {
+        let over_frames = self.over_frames.look(name, &scene, &rays);
+        for (method, answer) in found.iter().chain(&over_frames) {
             let hidden = (0..answer.visible.len())
                 .find(|&d| scene.filter.is_hidden(d as u32) && (answer.visible[d] || answer.samples[d] > 0));
             assert_eq!(hidden, None, "{name}: {method} shows what is hidden");
@@ -221,12 +230,18 @@ impl Trial {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| -> Vec<VisibleSet> {
                 let methods = [Method::Exact, Method::Hybrid, Method::Voxel, Method::Frustum].map(fresh);
+                let coherent = [RayMethod::Hybrid, RayMethod::Voxel]
+                    .map(|method| Box::new(CoherentQuery::of(method, RaysPerPixel::ONE)) as Box<dyn Culling>);
+                let settings = QuerySettings { adaptive: true, ..QuerySettings::default() };
+                let adaptive = FreshQuery { method: Method::Hybrid, settings };
+                let methods =
+                    methods.into_iter().chain(coherent).chain([Box::new(adaptive) as Box<dyn Culling>]);
                 let boxes = box_methods(loaded).into_iter().map(|(_, culling)| culling);
                 let rays = camera.rays().unwrap();
                 let frames = |mut culling: Box<dyn Culling>| {
                     [0, 1].map(|_| culling.frame(&loaded.query(), &rays, &Silent).unwrap().found)
                 };
-                methods.into_iter().chain(boxes).flat_map(frames).collect()
+                methods.chain(boxes).flat_map(frames).collect()
             })
         };
         let one = with(1);

@@ -133,6 +133,7 @@ fn passes_near(ray: &GridRay, corner: [i32; 3], margin: f64) -> bool {
 #[test]
 fn bricks_of_a_packet_are_those_of_its_rays_and_few_others() {
     let (mut needed, mut visited, mut visited_short) = (0u64, 0u64, 0u64);
+    let mut by_several_octants = 0;
     for (seed, log2) in [(1, 6), (2, 7), (3, 9), (4, 12), (5, 17)] {
         let voxels = soup(seed, log2);
         let dag = voxels.dag.view();
@@ -161,8 +162,15 @@ fn bricks_of_a_packet_are_those_of_its_rays_and_few_others() {
                 for stops in [false, true] {
                     let mut met = vec![Vec::new(); rays.len()];
                     let mut ended = vec![f64::INFINITY; rays.len()];
+                    let mut visits_of = std::collections::BTreeMap::new();
                     packet.fill(rays.iter().copied());
                     caster.cast_bricks(&mut packet, |brick, ends| {
+                        // Once for each octant, those rays apart that go alone.
+                        if brick.rays.count_ones() > 1 {
+                            let visits = visits_of.entry(brick.corner).or_insert(0u32);
+                            *visits += 1;
+                            assert!(*visits <= 8, "seed {seed} round {round}: {:?}", brick.corner);
+                        }
                         for (i, expected) in expected.iter().enumerate() {
                             if brick.rays >> i & 1 == 0 {
                                 continue;
@@ -182,6 +190,7 @@ fn bricks_of_a_packet_are_those_of_its_rays_and_few_others() {
                             }
                         }
                     });
+                    by_several_octants += visits_of.values().filter(|&&visits| visits > 1).count();
                     for (i, ray) in rays.iter().enumerate() {
                         let place = || {
                             format!(
@@ -210,6 +219,7 @@ fn bricks_of_a_packet_are_those_of_its_rays_and_few_others() {
     }
     let sets = Instructions::available().len() as u64;
     println!("{needed} bricks, {} visited, {} with stops", visited / sets, visited_short / sets);
+    assert!(by_several_octants > 0, "no packet across an axis met a brick");
     assert!(needed > 20_000, "too few bricks to mean anything: {needed}");
     assert!(visited < sets * (needed + needed / 20), "{visited} visited for {sets} times {needed}");
     assert!(2 * visited_short < visited, "rays that end early go on: {visited_short} of {visited}");

@@ -1,4 +1,4 @@
-//! The bricks that the rays of a packet cross, each visited once for all of them: for callers that test what is inside
+//! The bricks that the rays of a packet cross, each visited once for all of an octant: for callers that test what is inside
 //! by other means, such as the triangles of a brick's owners.
 
 use fearless_simd::Simd;

@@ -20,7 +20,7 @@
 //! | [`DagRef::cast`] | the reference | scalar, from cell to cell, integers and f64 |
 //! | [`RayCaster::cast`], [`RayCaster::cast_batch`] | unrelated rays | all 64 children of a node at once, f32 SIMD |
 //! | [`RayCaster::cast_packet`] | up to 64 rays of a tile of pixels | the tile's frustum, then lanes of rays |
-//! | [`RayCaster::cast_bricks`] | the bricks that such rays may cross, each once | the same, without deciding in f64 |
+//! | [`RayCaster::cast_bricks`] | the bricks that such rays may cross, all rays of an octant together | the same, without deciding in f64 |
 //!
 //! The SIMD paths discard with f32 tests that are widened by a bound of their error, and decide in f64 by the rule above wherever f32
 //! leaves a doubt ([`RayCaster::cast_bricks`] leaves that to its caller). So every other path gives the same voxels as the reference, in the same order, on every processor.
@@ -311,8 +311,10 @@ impl<'a> RayCaster<'a> {
         with_simd!(self.instructions, simd => packet::cast(simd, dag, packet, *footprint, &mut visit));
     }
 
-    /// Calls `visit` for the bricks that rays of a packet may cross, each once for all its rays, with those rays;
-    /// front to back for each ray. `visit` may shorten the rays, for example when it has found what stops them. No
+    /// Calls `visit` for the bricks that rays of a packet may cross, with those rays; front to back for each ray. Rays of one
+    /// octant (the signs of their directions) go together: a brick comes once for all of them, and once more for each other
+    /// octant of the packet, as in a tile of pixels across an axis of the world. The few rays that SIMD cannot bound go
+    /// alone. No ray has a brick twice. `visit` may shorten the rays, for example when it has found what stops them. No
     /// brick that a ray crosses before its end is missing; some may be passed by 2^-19 of the grid's side.
     pub fn cast_bricks(&self, packet: &mut RayPacket, mut visit: impl FnMut(&PacketBrick, &mut RayEnds)) {
         with_simd!(self.instructions, simd => bricks::cast(simd, &self.dag, packet, &mut visit));
