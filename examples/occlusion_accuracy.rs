@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use voxsight::lab::methods::{MethodKind, Variant};
+use voxsight::lab::methods::MethodKind;
 use voxsight::lab::report::{Report, ReportSettings};
 use voxsight::lab::run::{Contestant, RunSettings, run};
 use voxsight::lab::space::Space;
@@ -24,9 +24,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut contestants = Vec::new();
     for name in ["voxel", "hybrid", "exact"] {
         // Anything that implements `Culling` can take part.
-        let culling = MethodKind::named(name)?.make(scene, RaysPerPixel::ONE);
-        let rays_per_pixel = Some(RaysPerPixel::ONE);
-        let variant = Variant { method: name.into(), rays_per_pixel, resolution: None };
+        let kind = MethodKind::named(name)?;
+        let (variant, culling) = (kind.variant(scene, RaysPerPixel::ONE), kind.make(scene, RaysPerPixel::ONE));
         contestants.push(Contestant { variant, scene, culling });
     }
     let settings = RunSettings::default();

@@ -13,7 +13,7 @@ use super::progress::TerminalProgress;
 use crate::lab::csv::frames_csv;
 use crate::lab::folder::{REPORT_JSON, check_folder, write_folder};
 use crate::lab::keyframes::CameraPath;
-use crate::lab::methods::{FLOOR, MethodKind, Variant};
+use crate::lab::methods::{FLOOR, MethodKind};
 use crate::lab::page::{PageParts, WorstPage, page, percent};
 use crate::lab::picture::{WorstPictures, at_most_wide, worst_pictures};
 use crate::lab::plots::{frames, pareto, spread, stages};
@@ -151,15 +151,9 @@ impl Compare {
             let rays = if kind.takes_rays { self.rays.as_slice() } else { &[RaysPerPixel::ONE] };
             for scene in scenes {
                 for &rays in rays {
-                    let culling = kind.make(scene, rays);
-                    let variant = Variant {
-                        method: culling.name(),
-                        rays_per_pixel: kind.takes_rays.then_some(rays),
-                        resolution: kind.uses_voxels.then(|| scene.scene().grid().side()),
-                        keeps_state: kind.keeps_state,
-                    };
+                    let variant = kind.variant(scene, rays);
                     if !contestants.iter().any(|other| other.variant == variant) {
-                        contestants.push(Contestant { variant, scene, culling });
+                        contestants.push(Contestant { variant, scene, culling: kind.make(scene, rays) });
                     }
                 }
             }

@@ -10,6 +10,7 @@ mod numbers;
 mod output;
 mod progress;
 mod render;
+mod shadow_report;
 mod verify;
 mod visible;
 

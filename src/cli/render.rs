@@ -12,6 +12,7 @@ use super::Failure;
 use super::numbers::{parse_length, parse_frames, parse_rays, parse_size, parse_vector, Length};
 use super::output::{check_output, print_out, read_camera, write_json, write_png};
 use super::progress::TerminalProgress;
+use super::shadow_report::shadow_report;
 use crate::camera::Camera;
 use crate::lab::keyframes::CameraPath;
 use crate::loaded::LoadedScene;
@@ -31,8 +32,9 @@ const FRAME_DIGITS: usize = 4;
 /// Flags of `render`.
 #[derive(Args)]
 pub struct Render {
-    /// The scene
-    scene: PathBuf,
+    /// The scene; with --report also the same model built at other resolutions
+    #[arg(required = true, value_name = "SCENE.vxs")]
+    scenes: Vec<PathBuf>,
     /// Camera file (JSON); without one the camera sees the whole scene from a corner
     #[arg(long, value_name = "CAM.json")]
     camera: Option<PathBuf>,
@@ -50,9 +52,9 @@ pub struct Render {
     size: Option<(u32, u32)>,
     #[command(flatten)]
     light: LightFlags,
-    /// Samples per pixel
-    #[arg(long, default_value = "4", value_parser = parse_rays, value_name = "N")]
-    spp: u32,
+    /// Samples per pixel; with --report several, separated by commas
+    #[arg(long, value_delimiter = ',', default_value = "4", value_parser = parse_rays, value_name = "N")]
+    spp: Vec<u32>,
     /// Another seed, other samples
     #[arg(long, default_value = "0", value_name = "N")]
     seed: u32,
@@ -66,8 +68,11 @@ pub struct Render {
     #[arg(long, conflicts_with_all = ["light", "sun", "shadows", "spp"])]
     depth: bool,
     /// The picture to write: PNG, or EXR (linear, with depth, normals and object ids)
-    #[arg(long, short, value_name = "OUT.png|OUT.exr")]
-    output: PathBuf,
+    #[arg(long, short, value_name = "OUT.png|OUT.exr", required_unless_present = "report")]
+    output: Option<PathBuf>,
+    /// Instead of a picture: every way of casting shadow rays against exact, as figures, chart and difference pictures
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "path", "ids", "depth", "save_camera", "shadows", "bits"])]
+    report: Option<PathBuf>,
 }
 
 /// Flags about light and shadow.
@@ -226,25 +231,26 @@ fn read_areas(path: &Path) -> Result<Vec<AreaLight>, Failure> {
 
 impl Render {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
-        let format = self.format()?;
+        self.light.check()?;
+        if self.spp.iter().any(|&samples| samples > MAX_SAMPLES) {
+            return Err(format!("--spp: at most {MAX_SAMPLES} samples per pixel").into());
+        }
+        let Some(output) = &self.output else { return self.shadow_report(progress) };
+        let ([scene], [_]) = (self.scenes.as_slice(), self.spp.as_slice()) else {
+            return Err("a picture is of one scene and one number of samples; --report takes several".into());
+        };
+        let format = self.format(output)?;
         if let Some(path) = &self.save_camera {
             check_output(path, "json")?;
         }
-        self.light.check()?;
-        if self.spp > MAX_SAMPLES {
-            return Err(format!("--spp: at most {MAX_SAMPLES} samples per pixel").into());
-        }
         let frames = self.read_path()?;
-        let scene = Scene::open(&self.scene)?;
+        let scene = Scene::open(scene)?;
         let settings = self.settings(&scene)?;
         if let Some(cameras) = frames {
             let loaded = LoadedScene::new(scene, progress)?;
-            return self.sequence(&loaded, &cameras, &settings, format, progress);
+            return self.sequence(&loaded, &cameras, &settings, (output, format), progress);
         }
-        let mut camera = camera_or_overview(self.camera.as_deref(), &scene)?;
-        if let Some((width, height)) = self.size {
-            (camera.width, camera.height) = (width, height);
-        }
+        let camera = self.camera(&scene)?;
         let rays = camera.rays()?;
         if let Some(path) = &self.save_camera {
             write_json(path, &camera)?;
@@ -264,38 +270,58 @@ impl Render {
                 depth.far,
                 loaded.scene().meta().settings.unit
             )?;
-            return write_png(&self.output, &depth.image);
+            return write_png(output, &depth.image);
         }
         if self.ids {
             let image = render_ids(&loaded.picture(), &rays, |d| loaded.scene().drawable_object(d), progress);
             progress.finish();
-            return write_png(&self.output, &image.ok_or(STOPPED)?);
+            return write_png(output, &image.ok_or(STOPPED)?);
         }
         progress.stage("render", pixels, "pixels");
-        if is_stream(&self.output) {
+        if is_stream(output) {
             // Nothing to go on from later: the whole picture at once.
             let (film, _) = Renderer::new(&loaded.picture(), &rays, &settings)
                 .rows(0..camera.height, progress)
                 .ok_or(STOPPED)?;
             progress.finish();
-            return write_png(&self.output, &film.to_rgb8());
+            return write_png(output, &film.to_rgb8());
         }
-        let written = self.picture(&loaded, &camera, &settings, (&self.output, format), progress)?;
+        let written = self.picture(&loaded, &camera, &settings, (output, format), progress)?;
         progress.finish();
-        tell(&self.output, &written)
+        tell(output, &written)
+    }
+
+    fn camera(&self, scene: &Scene) -> Result<Camera, Failure> {
+        let mut camera = camera_or_overview(self.camera.as_deref(), scene)?;
+        if let Some((width, height)) = self.size {
+            (camera.width, camera.height) = (width, height);
+        }
+        Ok(camera)
+    }
+
+    /// Every way of casting shadow rays, side by side.
+    fn shadow_report(&self, progress: &TerminalProgress) -> Result<(), Failure> {
+        let Some(folder) = &self.report else { return Err("neither --output nor --report was given".into()) };
+        if self.light.light == KeyName::Headlight {
+            return Err("a headlight casts no shadows to report on: use --light sun or none".into());
+        }
+        let opened: Vec<Scene> = self.scenes.iter().map(Scene::open).collect::<Result<_, _>>()?;
+        let Some(first) = opened.first() else { return Err("no scene was named".into()) };
+        let (camera, settings) = (self.camera(first)?, self.settings(first)?);
+        shadow_report(folder, opened, &camera, &settings, &self.spp, progress)
     }
 
     /// By the output's name; refuses what cannot be.
-    fn format(&self) -> Result<Format, Failure> {
-        if self.path.is_some() && !self.output.to_string_lossy().contains(FRAME) {
-            return Err(format!("{}: a sequence needs {FRAME} in its name", self.output.display()).into());
+    fn format(&self, output: &Path) -> Result<Format, Failure> {
+        if self.path.is_some() && !output.to_string_lossy().contains(FRAME) {
+            return Err(format!("{}: a sequence needs {FRAME} in its name", output.display()).into());
         }
-        let is_exr = self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+        let is_exr = output.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
         if is_exr && !self.ids && !self.depth {
-            check_output(&self.output, "exr")?;
+            check_output(output, "exr")?;
             return Ok(Format::Exr);
         }
-        check_output(&self.output, "png")?;
+        check_output(output, "png")?;
         if self.bits == "16" { Ok(Format::Png16) } else { Ok(Format::Png8) }
     }
 
@@ -305,7 +331,7 @@ impl Render {
         let metres = super::numbers::metres_of_unit(&settings.unit)
             .ok_or_else(|| format!("the scene's unit \"{}\" is not known", settings.unit))?;
         Ok(RenderSettings {
-            samples_per_pixel: self.spp,
+            samples_per_pixel: self.spp.first().copied().unwrap_or(1),
             lighting: self.light.lighting(up, metres)?,
             shadows: self.light.shadows(),
             up,
@@ -329,7 +355,7 @@ impl Render {
         loaded: &LoadedScene,
         cameras: &[Camera],
         settings: &RenderSettings,
-        format: Format,
+        (output, format): (&Path, Format),
         progress: &TerminalProgress,
     ) -> Result<(), Failure> {
         let frames = self.frames.clone().unwrap_or(0..cameras.len());
@@ -340,7 +366,7 @@ impl Render {
         let (mut new, mut before) = (0, 0);
         for frame in frames.clone() {
             let camera = &cameras[frame];
-            let name = self.output.to_string_lossy().replace(FRAME, &format!("{frame:0digits$}"));
+            let name = output.to_string_lossy().replace(FRAME, &format!("{frame:0digits$}"));
             let pixels = u64::from(camera.width) * u64::from(camera.height);
             progress.stage(&format!("frame {frame} of {}", cameras.len()), pixels, "pixels");
             // Other samples in each frame: noise that stands still would look like dirt on the glass.

@@ -80,6 +80,16 @@ impl MethodKind {
     pub fn make(&self, scene: &LoadedScene, rays: RaysPerPixel) -> Box<dyn Culling> {
         (self.make)(scene, rays)
     }
+
+    /// What [`MethodKind::make`] makes, for tables.
+    pub fn variant(&self, scene: &LoadedScene, rays: RaysPerPixel) -> Variant {
+        Variant {
+            method: self.name.to_owned(),
+            rays_per_pixel: self.takes_rays.then_some(rays),
+            resolution: self.uses_voxels.then(|| scene.scene().grid().side()),
+            keeps_state: self.keeps_state,
+        }
+    }
 }
 
 /// Why there is no such method.

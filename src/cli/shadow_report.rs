@@ -1,0 +1,138 @@
+//! `voxsight render --report`: every way of casting shadow rays against triangles, as figures, chart and pictures.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::RgbImage;
+use serde::Serialize;
+
+use super::Failure;
+use super::output::print_out;
+use super::progress::TerminalProgress;
+use crate::camera::Camera;
+use crate::lab::folder::{REPORT_JSON, check_folder, write_folder};
+use crate::lab::page::percent;
+use crate::lab::shadows::{
+    KindTime, Picture, PictureReport, ShadowOutcome, ShadowRun, chart, difference, flip,
+};
+use crate::loaded::LoadedScene;
+use crate::progress::Progress;
+use crate::render::{RenderSettings, Shadows};
+use crate::scene::Scene;
+
+/// First field of the report's JSON: what it is, and the version of its fields.
+const FORMAT: &str = "voxsight-shadows 1";
+
+#[derive(Serialize)]
+struct Report<'a> {
+    format: &'static str,
+    voxsight: &'static str,
+    files: Vec<String>,
+    scenes: Vec<String>,
+    camera: &'a Camera,
+    settings: String,
+    converged_samples: u32,
+    pictures: Vec<&'a PictureReport>,
+    /// What differs from run to run: in the order of the pictures, light by light.
+    times: Vec<&'a [KindTime]>,
+}
+
+/// Renders, judges, writes the folder and prints the figures.
+pub fn shadow_report(
+    folder: &Path,
+    opened: Vec<Scene>,
+    camera: &Camera,
+    settings: &RenderSettings,
+    samples: &[u32],
+    progress: &TerminalProgress,
+) -> Result<(), Failure> {
+    check_folder(folder)?;
+    let rays = camera.rays()?;
+    let scenes: Vec<LoadedScene> =
+        opened.into_iter().map(|scene| LoadedScene::new(scene, progress)).collect::<Result<_, _>>()?;
+    let tolerance = match settings.shadows {
+        Shadows::Hybrid { tolerance } => tolerance,
+        _ => 0.0,
+    };
+    let run = ShadowRun { scenes: &scenes, camera: &rays, settings, samples, tolerance };
+    let outcome = run.run(progress).ok_or("stopped; nothing was written")?;
+    progress.finish();
+    let mut files = pictures(&outcome, samples)?;
+    let reports: Vec<PictureReport> = outcome.pictures.iter().map(|picture| picture.report.clone()).collect();
+    files.push(("shadows.svg".into(), chart(&reports)?.into_bytes()));
+    let report = Report {
+        format: FORMAT,
+        voxsight: env!("CARGO_PKG_VERSION"),
+        files: files.iter().map(|(name, _)| name.clone()).chain([REPORT_JSON.to_owned()]).collect(),
+        scenes: scenes.iter().map(|scene| scene.scene().container().path().display().to_string()).collect(),
+        camera,
+        settings: format!("{settings:?}"),
+        converged_samples: outcome.converged_samples,
+        pictures: reports.iter().collect(),
+        times: reports.iter().map(|picture| picture.time.as_slice()).collect(),
+    };
+    let mut text = serde_json::to_string_pretty(&report)?;
+    text.push('\n');
+    files.push((REPORT_JSON.into(), text.into_bytes()));
+    write_folder(folder, &files)?;
+    print(&reports)?;
+    print_out!("In {}: report.json, shadows.svg, the pictures, and where their shadows differ.", folder.display())
+}
+
+/// The pictures with most samples, and how they differ from `exact`.
+fn pictures(outcome: &ShadowOutcome, samples: &[u32]) -> Result<Vec<(String, Vec<u8>)>, Failure> {
+    let mut files = vec![("converged.png".to_owned(), png(&outcome.converged.to_rgb8())?)];
+    let most = samples.iter().copied().max().unwrap_or(1);
+    let best: Vec<&Picture> =
+        outcome.pictures.iter().filter(|picture| picture.report.samples_per_pixel == most).collect();
+    let Some(exact) = best.iter().find(|picture| picture.report.resolution.is_none()) else { return Ok(files) };
+    for picture in &best {
+        let name = match picture.report.resolution {
+            Some(side) => format!("{}-{side}", picture.report.shadows),
+            None => picture.report.shadows.to_owned(),
+        };
+        files.push((format!("{name}.png"), png(&picture.film.to_rgb8())?));
+        if picture.report.resolution.is_some() {
+            files.push((format!("{name}-difference.png"), png(&difference(&picture.film, &exact.film))?));
+            files.push((format!("{name}-flip.png"), png(&flip(&picture.film, &exact.film).1)?));
+        }
+    }
+    Ok(files)
+}
+
+fn png(image: &RgbImage) -> Result<Vec<u8>, Failure> {
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png)?;
+    Ok(bytes.into_inner())
+}
+
+/// One line a picture and light.
+fn print(reports: &[PictureReport]) -> Result<(), Failure> {
+    print_out!(
+        "shadows        samples  light  M rays  M/s a thread  wrongly dark  wrongly lit  penumbra error  FLIP    error, converged"
+    )?;
+    for picture in reports {
+        let name = match picture.resolution {
+            Some(side) => format!("{} {side}\u{b3}", picture.shadows),
+            None => picture.shadows.to_owned(),
+        };
+        let flip = picture.flip_same_samples.map_or_else(|| "\u{2013}".into(), |flip| format!("{flip:.4}"));
+        for (light, time) in picture.lights.iter().zip(&picture.time) {
+            let same = |figure: &dyn Fn(&crate::lab::shadows::ShadowErrors) -> f64| {
+                light.same_samples.as_ref().map_or_else(|| "\u{2013}".into(), |errors| percent(figure(errors)))
+            };
+            print_out!(
+                "{name:<14} {:>7}  {:<5} {:>7.2} {:>13.2} {:>13} {:>12} {:>15}  {flip:<6} {:>17}",
+                picture.samples_per_pixel,
+                light.light,
+                light.rays as f64 * 1e-6,
+                time.mrays,
+                same(&|errors| errors.wrongly_dark),
+                same(&|errors| errors.wrongly_lit),
+                same(&|errors| errors.penumbra_error),
+                percent(light.converged.mean_error),
+            )?;
+        }
+    }
+    Ok(())
+}
