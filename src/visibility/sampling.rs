@@ -67,6 +67,9 @@ pub struct PixelRay {
 }
 
 /// Rays per pixel: N rays a pixel, or one ray every N pixels (`1/N`).
+///
+/// Where N is a square (1/4, 1/9, 1/16), N samples of `1/N` cast exactly the rays that one sample casts at one ray per
+/// pixel. At any other N (1/2, 1/7) they leave about one pixel in eight without a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RaysPerPixel {
     rays: u32,

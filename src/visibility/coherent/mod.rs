@@ -8,7 +8,7 @@
 //! - what was seen stays in the answer for [`CoherentSettings::window`] frames, as long as its box is in the view;
 //! - sample counts decay ([`CoherentSettings::decay`]), so that they follow the camera;
 //! - what this frame's rays did not meet is *asked after*: one ray to the point where it was last seen. There are
-//!   seldom rays for all: the drawables that look largest come first ([`apparent_size`]: Xue et al. 2016, equation 4). A
+//!   seldom rays for all: the drawables that look largest come first (Xue et al. 2016, equation 4). A
 //!   drawable that is asked after in vain too often is gone.
 //!
 //! So recall grows with time, what comes into view is found by chance as soon as its pixels allow, and what is hidden
