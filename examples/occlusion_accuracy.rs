@@ -25,7 +25,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for name in ["voxel", "hybrid", "exact"] {
         // Anything that implements `Culling` can take part.
         let kind = MethodKind::named(name)?;
-        let (variant, culling) = (kind.variant(scene, RaysPerPixel::ONE), kind.make(scene, RaysPerPixel::ONE));
+        let (variant, culling) =
+            (kind.variant(scene, RaysPerPixel::ONE), kind.make(scene, RaysPerPixel::ONE));
         contestants.push(Contestant { variant, scene, culling });
     }
     let settings = RunSettings::default();

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use xxhash_rust::xxh3::xxh3_128;
 
 use super::Failure;
-use super::numbers::{parse_length, parse_frames, parse_rays, parse_size, parse_vector, Length};
+use super::numbers::{Length, parse_frames, parse_length, parse_rays, parse_size, parse_vector};
 use super::output::{check_output, print_out, read_camera, write_json, write_png};
 use super::progress::TerminalProgress;
 use super::shadow_report::shadow_report;
@@ -19,8 +19,8 @@ use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::file::{Fingerprint, Format, Written, render_to_file};
 use crate::render::{
-    AreaLight, KeyLight, LightKind, Lighting, MAX_SAMPLES, RenderSettings, Renderer, SUN_ANGLE_DEG, Shadows, Sky,
-    ShadowCost, Sun, render_depth, render_ids,
+    AreaLight, KeyLight, LightKind, Lighting, MAX_SAMPLES, RenderSettings, Renderer, SUN_ANGLE_DEG,
+    ShadowCost, Shadows, Sky, Sun, render_depth, render_ids,
 };
 use crate::scene::Scene;
 
@@ -206,7 +206,9 @@ impl LightFlags {
 
 fn read_areas(path: &Path) -> Result<Vec<AreaLight>, Failure> {
     const EXAMPLE: &str = r#"[{"corner":[0,0,3],"edge_u":[1,0,0],"edge_v":[0,-1,0],"radiance":[8,8,8]}]"#;
-    let told = |what: String| -> Failure { format!("{}: {what}; expected a list such as {EXAMPLE}", path.display()).into() };
+    let told = |what: String| -> Failure {
+        format!("{}: {what}; expected a list such as {EXAMPLE}", path.display()).into()
+    };
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: cannot read: {e}", path.display()))?;
     let areas: Vec<AreaFile> = serde_json::from_str(&text).map_err(|error| told(error.to_string()))?;
     let area = |(number, area): (usize, AreaFile)| {
@@ -370,7 +372,8 @@ impl Render {
             let pixels = u64::from(camera.width) * u64::from(camera.height);
             progress.stage(&format!("frame {frame} of {}", cameras.len()), pixels, "pixels");
             // Other samples in each frame: noise that stands still would look like dirt on the glass.
-            let settings = RenderSettings { seed: settings.seed.wrapping_add(frame as u32), ..settings.clone() };
+            let settings =
+                RenderSettings { seed: settings.seed.wrapping_add(frame as u32), ..settings.clone() };
             match self.picture(loaded, camera, &settings, (Path::new(&name), format), progress)? {
                 Written::New { .. } => new += 1,
                 Written::Before => before += 1,

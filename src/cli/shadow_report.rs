@@ -13,15 +13,11 @@ use crate::camera::Camera;
 use crate::lab::folder::{REPORT_JSON, check_folder, write_folder};
 use crate::lab::page::percent;
 use crate::lab::shadows::{
-    KindTime, Picture, PictureReport, ShadowOutcome, ShadowRun, chart, difference, flip,
+    FORMAT, KindTime, Picture, PictureReport, ShadowOutcome, ShadowRun, chart, difference, flip,
 };
 use crate::loaded::LoadedScene;
-use crate::progress::Progress;
 use crate::render::{RenderSettings, Shadows};
 use crate::scene::Scene;
-
-/// First field of the report's JSON: what it is, and the version of its fields.
-const FORMAT: &str = "voxsight-shadows 1";
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -76,7 +72,10 @@ pub fn shadow_report(
     files.push((REPORT_JSON.into(), text.into_bytes()));
     write_folder(folder, &files)?;
     print(&reports)?;
-    print_out!("In {}: report.json, shadows.svg, the pictures, and where their shadows differ.", folder.display())
+    print_out!(
+        "In {}: report.json, shadows.svg, the pictures, and where their shadows differ.",
+        folder.display()
+    )
 }
 
 /// The pictures with most samples, and how they differ from `exact`.
@@ -85,7 +84,9 @@ fn pictures(outcome: &ShadowOutcome, samples: &[u32]) -> Result<Vec<(String, Vec
     let most = samples.iter().copied().max().unwrap_or(1);
     let best: Vec<&Picture> =
         outcome.pictures.iter().filter(|picture| picture.report.samples_per_pixel == most).collect();
-    let Some(exact) = best.iter().find(|picture| picture.report.resolution.is_none()) else { return Ok(files) };
+    let Some(exact) = best.iter().find(|picture| picture.report.resolution.is_none()) else {
+        return Ok(files);
+    };
     for picture in &best {
         let name = match picture.report.resolution {
             Some(side) => format!("{}-{side}", picture.report.shadows),
@@ -119,7 +120,10 @@ fn print(reports: &[PictureReport]) -> Result<(), Failure> {
         let flip = picture.flip_same_samples.map_or_else(|| "\u{2013}".into(), |flip| format!("{flip:.4}"));
         for (light, time) in picture.lights.iter().zip(&picture.time) {
             let same = |figure: &dyn Fn(&crate::lab::shadows::ShadowErrors) -> f64| {
-                light.same_samples.as_ref().map_or_else(|| "\u{2013}".into(), |errors| percent(figure(errors)))
+                light
+                    .same_samples
+                    .as_ref()
+                    .map_or_else(|| "\u{2013}".into(), |errors| percent(figure(errors)))
             };
             print_out!(
                 "{name:<14} {:>7}  {:<5} {:>7.2} {:>13.2} {:>13} {:>12} {:>15}  {flip:<6} {:>17}",

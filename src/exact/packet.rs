@@ -125,9 +125,8 @@ impl TriangleRays {
             return 0.0;
         }
         let last = self.count - 1;
-        let apart = |of: &[[f64; LANES]; 3]| {
-            DVec3::from([0, 1, 2].map(|k: usize| of[k][last] - of[k][0])).length()
-        };
+        let apart =
+            |of: &[[f64; LANES]; 3]| DVec3::from([0, 1, 2].map(|k: usize| of[k][last] - of[k][0])).length();
         // From the first ray of a square tile to the last is its diagonal.
         let diagonal = apart(&self.origin) + apart(&self.direction) * self.world.t_enter[first];
         diagonal / (2.0 * self.count as f64).sqrt()

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::report::FORMAT;
+use super::{report, shadows};
 
 /// The file that tells an earlier report.
 pub const REPORT_JSON: &str = "report.json";
@@ -79,7 +79,8 @@ pub fn check_folder(folder: &Path) -> Result<(), FolderError> {
         .map_err(|source| FolderError::Io { path: folder.to_owned(), source })?;
     let earlier = fs::read(folder.join(REPORT_JSON)).ok();
     let earlier: Option<Earlier> = earlier.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    let earlier = earlier.filter(|earlier| earlier.format == FORMAT);
+    let earlier =
+        earlier.filter(|earlier| [report::FORMAT, shadows::FORMAT].contains(&earlier.format.as_str()));
     let is_ours = |name: &OsString| {
         earlier.as_ref().is_some_and(|earlier| earlier.files.iter().any(|file| name == file.as_str()))
     };
@@ -147,7 +148,7 @@ mod tests {
     use super::*;
 
     fn files(text: &str) -> Vec<(String, Vec<u8>)> {
-        let json = format!(r#"{{"format":"{FORMAT}","files":["report.json","a.txt"]}}"#);
+        let json = format!(r#"{{"format":"{}","files":["report.json","a.txt"]}}"#, report::FORMAT);
         vec![("a.txt".into(), text.into()), (REPORT_JSON.into(), json.into_bytes())]
     }
 

@@ -14,6 +14,9 @@ use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::{Film, FilmPixel, LightKind, RenderSettings, Renderer, ShadowCost, Shadows};
 
+/// First field of a report's JSON: what it is, and the version of its fields.
+pub const FORMAT: &str = "voxsight-shadows 1";
+
 /// Width of the chart, pixels.
 const WIDTH: u32 = 960;
 /// Samples of the converged picture: so many times those of the best one, and no fewer than [`LEAST_REFERENCE`].
@@ -70,7 +73,11 @@ pub fn shadow_errors(answer: &Film, reference: &Film, kind: LightKind) -> Shadow
 }
 
 /// Visibility of the light in the answer and in the reference, where both have one.
-fn visible<'f>(answer: &'f Film, reference: &'f Film, kind: LightKind) -> impl Iterator<Item = (f64, f64)> + 'f {
+fn visible<'f>(
+    answer: &'f Film,
+    reference: &'f Film,
+    kind: LightKind,
+) -> impl Iterator<Item = (f64, f64)> + 'f {
     let of = move |pixel: &FilmPixel| pixel.shadow[kind as usize].visibility();
     answer.pixels.iter().zip(&reference.pixels).filter_map(move |(a, r)| Some((of(a)?, of(r)?)))
 }
@@ -174,11 +181,8 @@ impl ShadowRun<'_> {
         let (converged, _) = self.picture(first, &converged, "converged", progress)?;
         let mut pictures: Vec<Picture> = Vec::new();
         for &samples in self.samples {
-            let settings = |shadows| RenderSettings {
-                samples_per_pixel: samples,
-                shadows,
-                ..self.settings.clone()
-            };
+            let settings =
+                |shadows| RenderSettings { samples_per_pixel: samples, shadows, ..self.settings.clone() };
             let told = format!("exact, {samples} samples");
             let (exact, cost) = self.picture(first, &settings(Shadows::Exact), &told, progress)?;
             let report = picture_report("exact", None, samples, (&exact, &cost), None, &converged);
@@ -228,7 +232,10 @@ fn picture_report(
     };
     let time = |kind: LightKind| {
         let seconds = cost.time[kind as usize].as_secs_f64();
-        KindTime { thread_seconds: seconds, mrays: cost.rays[kind as usize] as f64 / seconds.max(1e-9) * 1e-6 }
+        KindTime {
+            thread_seconds: seconds,
+            mrays: cost.rays[kind as usize] as f64 / seconds.max(1e-9) * 1e-6,
+        }
     };
     PictureReport {
         shadows,
@@ -321,7 +328,11 @@ fn panel(pictures: &[PictureReport], light: &str) -> Chart {
     }
     Chart {
         title: format!("Shadows of the {light}: time against error, by samples per pixel"),
-        x: Axis { label: "seconds of shadow rays, threads together".into(), name: plain, marks_at_points: false },
+        x: Axis {
+            label: "seconds of shadow rays, threads together".into(),
+            name: plain,
+            marks_at_points: false,
+        },
         y: Axis { label: "mean error of visibility, %".into(), name: plain, marks_at_points: false },
         curves,
     }

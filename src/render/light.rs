@@ -169,8 +169,7 @@ mod tests {
     fn the_sun_is_a_round_disc_of_the_asked_angle() {
         let sun = Sun { direction: DVec3::new(1.0, 2.0, -0.5), angle_deg: 20.0 };
         let axis = sun.direction.normalize();
-        let samples: Vec<LightSample> =
-            square(4096).filter_map(|(u, v)| sun.sample(axis, u, v)).collect();
+        let samples: Vec<LightSample> = square(4096).filter_map(|(u, v)| sun.sample(axis, u, v)).collect();
         assert_eq!(samples.len(), 4096);
         let angles = samples.iter().map(|s| s.direction.dot(axis).min(1.0).acos().to_degrees());
         let widest = angles.fold(0.0, f64::max);
@@ -178,7 +177,8 @@ mod tests {
         let mean = samples.iter().map(|s| s.direction).sum::<DVec3>() / 4096.0;
         assert!(mean.normalize().dot(axis) > 1.0 - 1e-6, "{mean}");
         // Half of the disc's area lies within half of its height.
-        let inner = samples.iter().filter(|s| 1.0 - s.direction.dot(axis) < 0.5 * (1.0 - 10f64.to_radians().cos()));
+        let inner =
+            samples.iter().filter(|s| 1.0 - s.direction.dot(axis) < 0.5 * (1.0 - 10f64.to_radians().cos()));
         let share = inner.count() as f64 / 4096.0;
         assert!((share - 0.5).abs() < 0.01, "{share}");
         let behind = sun.sample(-axis, 0.5, 0.5);

@@ -155,7 +155,12 @@ impl<'a> Shader<'a> {
             let opaque = hits.opaque(number);
             let end = opaque.map_or(f64::INFINITY, |(_, t)| t);
             layers.clear();
-            layers.extend(hits.through().iter().filter(|hit| hit.ray == number && hit.t < end).map(|h| (h.t, h.drawable)));
+            layers.extend(
+                hits.through()
+                    .iter()
+                    .filter(|hit| hit.ray == number && hit.t < end)
+                    .map(|h| (h.t, h.drawable)),
+            );
             layers.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             layers.truncate(MAX_LAYERS);
             let mut left = 1.0;

@@ -100,7 +100,11 @@ impl<'a> ShadowTracer<'a> {
             Shadows::None => 0,
             Shadows::Voxel => {
                 let rays = rays.iter().enumerate();
-                self.stopped_by_voxels(rays.filter_map(|(i, ray)| Some((i, self.voxel_ray(ray)?))), coherent, scratch)
+                self.stopped_by_voxels(
+                    rays.filter_map(|(i, ray)| Some((i, self.voxel_ray(ray)?))),
+                    coherent,
+                    scratch,
+                )
             }
             Shadows::Hybrid { tolerance } => self.stopped_by_both(rays, tolerance, coherent, scratch),
             Shadows::Exact => (0..).zip(rays).fold(0, |bits, (i, ray)| {

@@ -142,13 +142,7 @@ impl<'a> TileTracer<'a> {
     }
 
     /// A brick on the way of some rays.
-    fn meet(
-        &self,
-        state: &mut State,
-        triangles: &mut TriangleRays,
-        brick: &PacketBrick,
-        ends: &mut RayEnds,
-    ) {
+    fn meet(&self, state: &mut State, triangles: &mut TriangleRays, brick: &PacketBrick, ends: &mut RayEnds) {
         for owner in self.scene.owners.all_of_brick(brick.ordinal()) {
             if state.asked.is_new(owner) {
                 self.ask(state, triangles, owner, |ray, t| ends.shorten(ray, t));

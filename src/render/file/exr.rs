@@ -69,7 +69,10 @@ pub(super) fn write(
     let header = Header::new(Text::from("voxsight"), (width as usize, height as usize), channels.collect());
     let mut header =
         header.with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing);
-    header.own_attributes.other.insert(Text::from(KEYWORD), AttributeValue::Text(Text::from(fingerprint.text().as_str())));
+    header
+        .own_attributes
+        .other
+        .insert(Text::from(KEYWORD), AttributeValue::Text(Text::from(fingerprint.text().as_str())));
     let mut failed = None;
     let written = exr::block::write(&mut file, [header].into_iter().collect(), true, |meta, chunks| {
         // One block at a time is in memory.

@@ -312,7 +312,7 @@ impl<'a> RayCaster<'a> {
     }
 
     /// Calls `visit` for the bricks that rays of a packet may cross, with those rays; front to back for each ray. Rays of one
-    /// octant (the signs of their directions) go together: a brick comes once for all of them, and once more for each other
+    /// octant (the signs of their directions, where these are not next to nothing) go together: a brick comes once for all of them, and once more for each other
     /// octant of the packet, as in a tile of pixels across an axis of the world. The few rays that SIMD cannot bound go
     /// alone. No ray has a brick twice. `visit` may shorten the rays, for example when it has found what stops them. No
     /// brick that a ray crosses before its end is missing; some may be passed by 2^-19 of the grid's side.
