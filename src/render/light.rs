@@ -5,6 +5,10 @@ use glam::DVec3;
 /// Angle under which the sun is seen from the earth, degrees.
 pub const SUN_ANGLE_DEG: f64 = 0.53;
 
+/// The sky as a light has no edge; but every edge before it is wrong by what voxels are too thick, and there are many. Taken as
+/// so wide (radians), `hybrid` keeps the sum of it below 2 % of the sky.
+const SKY_SPREAD: f64 = 0.1;
+
 /// All light of a scene, in the open as under a clear sky: sun 0.85, sky 0.3 of what a white surface can reflect. Values
 /// above 1 are for linear files; pictures for screens clip them.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,7 +143,7 @@ pub(super) fn sky_reflected(normal: DVec3, up: DVec3) -> DVec3 {
 /// One direction of the sky over a surface, as often as it counts there (evenly in cos^2).
 pub(super) fn sky_sample(normal: DVec3, reach: f64, up: DVec3, u: f64, v: f64) -> LightSample {
     let direction = around(normal, (1.0 - u).sqrt(), v);
-    LightSample { direction, distance: reach, reflected: sky_reflected(normal, up), spread: 1.0 }
+    LightSample { direction, distance: reach, reflected: sky_reflected(normal, up), spread: SKY_SPREAD }
 }
 
 /// The sky itself, brighter towards the horizon.

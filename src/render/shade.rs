@@ -21,6 +21,12 @@ use crate::visibility::{TileHits, TileTracer};
 /// Transparent layers blended along one ray; more are not told apart by the eye.
 const MAX_LAYERS: usize = 16;
 
+/// Rays to the sky that are collected before they are cast: the more, the more go about the same way.
+const SKY_RAYS: usize = 4096;
+
+/// Cells along each axis of the map of directions.
+const CELLS: f64 = 16.0;
+
 /// Side of a tile, pixels: one packet of rays.
 pub(super) const TILE: u32 = 8;
 
@@ -47,6 +53,8 @@ pub(super) struct TileScratch {
     pixels: Vec<usize>,
     surfaces: Vec<Surface>,
     waiting: Vec<Waiting>,
+    /// Of the sky, over several samples.
+    waiting_for_sky: Vec<Waiting>,
     rays_to_light: Vec<ShadowRay>,
     pub cost: ShadowCost,
 }
@@ -117,6 +125,10 @@ impl<'a> Shader<'a> {
                 note_what_is_seen(&scratch.surfaces, &mut film);
             }
             self.light(&places, sample, &mut sums, &mut film, scratch);
+            let is_last = sample + 1 == self.settings.samples_per_pixel;
+            if is_last || scratch.waiting_for_sky.len() >= SKY_RAYS {
+                self.cast_to_sky(&mut sums, &mut film, scratch);
+            }
         }
         for (pixel, sum) in film.iter_mut().zip(sums) {
             pixel.colour = to_f32(sum / f64::from(self.settings.samples_per_pixel));
@@ -217,18 +229,28 @@ impl<'a> Shader<'a> {
                 sun.sample(surface.normal, u, v)
             }),
         }
-        if let Sky::Occluded { reach } = lighting.sky {
-            self.kind(LightKind::Sky, sums, film, scratch, |surface| {
-                let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Sky);
-                Some(sky_sample(surface.normal, reach, self.up, u, v))
-            });
-        }
         for (number, area) in (0..).zip(&lighting.areas) {
             self.kind(LightKind::Area, sums, film, scratch, |surface| {
                 let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Area(number));
                 area.sample(surface.point, surface.normal, u, v)
             });
         }
+        if let Sky::Occluded { reach } = lighting.sky {
+            let TileScratch { surfaces, waiting_for_sky, .. } = scratch;
+            self.collect(surfaces, sums, waiting_for_sky, |surface| {
+                let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Sky);
+                Some(sky_sample(surface.normal, reach, self.up, u, v))
+            });
+        }
+    }
+
+    /// Casts the rays to the sky that wait: those that go about the same way together.
+    fn cast_to_sky(&self, sums: &mut [DVec3], film: &mut [FilmPixel], scratch: &mut TileScratch) {
+        let mut waiting = std::mem::take(&mut scratch.waiting_for_sky);
+        waiting.sort_by_cached_key(|waiting| direction_cell(waiting.ray.direction));
+        self.cast(LightKind::Sky, &waiting, sums, film, scratch);
+        waiting.clear();
+        scratch.waiting_for_sky = waiting;
     }
 
     /// What a white surface reflects of light that casts no shadows.
@@ -257,9 +279,22 @@ impl<'a> Shader<'a> {
         scratch: &mut TileScratch,
         sample: impl Fn(&Surface) -> Option<LightSample>,
     ) {
-        let TileScratch { shadow, surfaces, waiting, rays_to_light, cost, .. } = scratch;
+        let mut waiting = std::mem::take(&mut scratch.waiting);
         waiting.clear();
-        for surface in surfaces.iter() {
+        self.collect(&scratch.surfaces, sums, &mut waiting, sample);
+        self.cast(kind, &waiting, sums, film, scratch);
+        scratch.waiting = waiting;
+    }
+
+    /// A sample of a light for each surface: what has to wait for its shadow ray; without shadows it is added at once.
+    fn collect(
+        &self,
+        surfaces: &[Surface],
+        sums: &mut [DVec3],
+        waiting: &mut Vec<Waiting>,
+        sample: impl Fn(&Surface) -> Option<LightSample>,
+    ) {
+        for surface in surfaces {
             let Some(light) = sample(surface) else { continue };
             let reflected = surface.share * surface.albedo * light.reflected;
             if self.settings.shadows == Shadows::None {
@@ -275,6 +310,18 @@ impl<'a> Shader<'a> {
             };
             waiting.push(Waiting { pixel: surface.pixel, light: reflected, ray });
         }
+    }
+
+    /// Casts shadow rays, and adds the light of those that meet nothing.
+    fn cast(
+        &self,
+        kind: LightKind,
+        waiting: &[Waiting],
+        sums: &mut [DVec3],
+        film: &mut [FilmPixel],
+        scratch: &mut TileScratch,
+    ) {
+        let TileScratch { shadow, rays_to_light, cost, .. } = scratch;
         for packet in waiting.chunks(PACKET_RAYS) {
             let started = Instant::now();
             rays_to_light.clear();
@@ -291,6 +338,20 @@ impl<'a> Shader<'a> {
             }
         }
     }
+}
+
+/// Number of the cell of a direction on an octahedral map of the sphere (Cigolle et al. 2014); cells with near numbers are near
+/// each other, along a Z-order curve.
+fn direction_cell(direction: DVec3) -> u32 {
+    let d = direction / direction.abs().element_sum();
+    let (x, y) = if d.z >= 0.0 {
+        (d.x, d.y)
+    } else {
+        ((1.0 - d.y.abs()) * d.x.signum(), (1.0 - d.x.abs()) * d.y.signum())
+    };
+    let cell = |c: f64| ((0.5 * c + 0.5) * CELLS).clamp(0.0, CELLS - 1.0) as u32;
+    let spread = |c: u32| (0..4).fold(0, |bits, i| bits | (c >> i & 1) << (2 * i));
+    spread(cell(x)) | spread(cell(y)) << 1
 }
 
 const _: () = assert!(LightKind::ALL.len() == KINDS);

@@ -13,10 +13,14 @@
 //!
 //! Voxels are thicker than what is in them, by up to a voxel on each side. Seen from the receiver a voxel of size s at distance
 //! t covers s / t; where that is less than [`Shadows::Hybrid`]'s `tolerance` times the angle across the light, a voxel may decide:
-//! it shifts a penumbra by less than this share of its width. Nearer, voxels name the candidates and triangles decide.
+//! it shifts a penumbra by less than this share of its width. Nearer, triangles decide: for rays that go the same way voxels
+//! name the candidates of the whole packet. (Lost: to look for any voxel behind the ray's own first, and for triangles only
+//! where there is one: 0.6 times as fast amid a plant, where nearly every ray meets one.)
 
 use glam::DVec3;
-use voxsight_voxel::raycast::{GridRay, Next, PACKET_RAYS, PacketBrick, RayCaster, RayEnds, RayPacket};
+use voxsight_voxel::raycast::{
+    GridRay, Next, PACKET_RAYS, PacketBrick, RayCaster, RayEnds, RayPacket, VoxelHit,
+};
 
 use crate::exact::TriangleRays;
 use crate::ray::Ray;
@@ -62,15 +66,31 @@ pub(super) struct ShadowRay {
 }
 
 /// Room to work; one for each thread.
-#[derive(Default)]
 pub(super) struct ShadowScratch {
     packet: RayPacket,
     triangles: TriangleRays,
     asked: Asked,
-    grid_rays: Vec<GridRay>,
-    /// Rays, and which of the caller's each is.
-    rays: Vec<Ray>,
+    /// Which of the caller's rays those of the packet are.
     numbers: Vec<usize>,
+    /// The caller's rays that a voxel stopped, as bits.
+    stopped: u64,
+    /// Rays that are left for triangles, and which of the caller's they are.
+    near: Vec<(usize, Ray)>,
+    lone: Vec<Ray>,
+}
+
+impl Default for ShadowScratch {
+    fn default() -> Self {
+        ShadowScratch {
+            packet: RayPacket::default(),
+            triangles: TriangleRays::default(),
+            asked: Asked::default(),
+            numbers: Vec::new(),
+            stopped: 0,
+            near: Vec::new(),
+            lone: Vec::new(),
+        }
+    }
 }
 
 /// Casts shadow rays in one way.
@@ -93,18 +113,16 @@ impl<'a> ShadowTracer<'a> {
         }
     }
 
-    /// Which of up to [`PACKET_RAYS`] rays are stopped, as bits. `coherent`: they go about the same way.
+    /// Which of up to [`PACKET_RAYS`] rays are stopped, as bits. The more they go the same way, the sooner; `coherent` when
+    /// all do.
     pub fn stopped(&self, rays: &[ShadowRay], coherent: bool, scratch: &mut ShadowScratch) -> u64 {
         debug_assert!(rays.len() <= PACKET_RAYS);
         match self.shadows {
             Shadows::None => 0,
             Shadows::Voxel => {
                 let rays = rays.iter().enumerate();
-                self.stopped_by_voxels(
-                    rays.filter_map(|(i, ray)| Some((i, self.voxel_ray(ray)?))),
-                    coherent,
-                    scratch,
-                )
+                self.meet_voxels(rays.filter_map(|(i, ray)| Some((i, self.voxel_ray(ray)?))), scratch);
+                scratch.stopped
             }
             Shadows::Hybrid { tolerance } => self.stopped_by_both(rays, tolerance, coherent, scratch),
             Shadows::Exact => (0..).zip(rays).fold(0, |bits, (i, ray)| {
@@ -119,13 +137,21 @@ impl<'a> ShadowTracer<'a> {
         Ray { t_max, ..Ray::new(ray.point + ray.normal * self.exact_height, ray.direction) }
     }
 
+    /// Height above a surface at which all voxels of its plane are left behind.
+    fn voxel_height(&self, normal: DVec3) -> f64 {
+        normal.abs().element_sum() * (1.0 + 2.0 / 256.0) * self.scene.grid.voxel_size
+    }
+
+    /// Length of the way through the voxels of a light at its end.
+    fn lamp(&self, ray: &ShadowRay) -> f64 {
+        ray.direction.abs().element_sum() * self.scene.grid.voxel_size
+    }
+
     /// The ray for voxels: started above its own, and ended before those of the light. `None` when nothing is left of it.
     fn voxel_ray(&self, ray: &ShadowRay) -> Option<Ray> {
-        let size = self.scene.grid.voxel_size;
-        let height = ray.normal.abs().element_sum() * (1.0 + 2.0 / 256.0) * size;
-        let lamp = ray.direction.abs().element_sum() * size;
-        let start = ray.point + ray.normal * height;
-        self.scene.filter.clipped(&Ray { t_max: ray.distance - lamp, ..Ray::new(start, ray.direction) })
+        let start = ray.point + ray.normal * self.voxel_height(ray.normal);
+        let t_max = ray.distance - self.lamp(ray);
+        self.scene.filter.clipped(&Ray { t_max, ..Ray::new(start, ray.direction) })
     }
 
     fn grid_ray(&self, ray: &Ray) -> GridRay {
@@ -138,41 +164,27 @@ impl<'a> ShadowTracer<'a> {
         }
     }
 
-    /// Casts numbered rays against the voxels. Returns the numbers of those that are stopped, as bits.
-    fn stopped_by_voxels(
-        &self,
-        rays: impl Iterator<Item = (usize, Ray)>,
-        coherent: bool,
-        scratch: &mut ShadowScratch,
-    ) -> u64 {
-        let ShadowScratch { packet, grid_rays, numbers, .. } = scratch;
-        grid_rays.clear();
+    /// Casts numbered rays against the voxels: which are stopped.
+    fn meet_voxels(&self, rays: impl Iterator<Item = (usize, Ray)>, scratch: &mut ShadowScratch) {
+        let ShadowScratch { packet, numbers, stopped, .. } = scratch;
         numbers.clear();
-        for (number, ray) in rays {
-            grid_rays.push(self.grid_ray(&ray));
+        packet.fill(rays.map(|(number, ray)| {
             numbers.push(number);
-        }
+            self.grid_ray(&ray)
+        }));
         let QueryScene { exact, filter, owners, dag, .. } = self.scene;
         let casts = |owner: u32| !exact.is_transparent(owner) && !filter.is_hidden(owner);
-        let mut stopped = 0;
-        let caster = RayCaster::new(dag);
-        let mut visit = |ray: usize, hit: &voxsight_voxel::raycast::VoxelHit| {
+        *stopped = 0;
+        RayCaster::new(dag).cast_packet(packet, |ray: usize, hit: &VoxelHit| {
             // Glass casts no shadow: only a voxel with an opaque owner stops the light.
             let opaque = self.all_cast
                 || owners.of_brick(hit.brick_ordinal(), hit.brick_mask()).of_voxel(hit.bit()).any(casts);
             if !opaque {
                 return Next::Voxel;
             }
-            stopped |= 1 << numbers[ray];
+            *stopped |= 1 << numbers[ray];
             Next::End
-        };
-        if coherent {
-            packet.fill(grid_rays.iter().copied());
-            caster.cast_packet(packet, &mut visit);
-        } else {
-            caster.cast_batch(grid_rays, &mut visit);
-        }
-        stopped
+        });
     }
 
     /// Voxels where they are fine enough, triangles before.
@@ -183,50 +195,50 @@ impl<'a> ShadowTracer<'a> {
         coherent: bool,
         scratch: &mut ShadowScratch,
     ) -> u64 {
+        let filter = self.scene.filter;
         // From here on voxels decide; never where the light has no size.
         let fine = |ray: &ShadowRay| self.scene.grid.voxel_size / (tolerance * ray.spread);
-        // The far part first: it is cheap, and what it stops needs no triangles.
+        // The far part first: it is quick, and what it stops needs no triangles.
         let far = rays.iter().enumerate().filter_map(|(i, ray)| {
-            let whole = self.exact_ray(ray);
-            let lamp = ray.direction.abs().element_sum() * self.scene.grid.voxel_size;
-            let far = Ray { t_min: fine(ray), t_max: whole.t_max - lamp, ..whole };
-            (far.t_min < far.t_max).then(|| self.scene.filter.clipped(&far)).flatten().map(|far| (i, far))
+            let far = Ray { t_min: fine(ray), t_max: ray.distance - self.lamp(ray), ..self.exact_ray(ray) };
+            (far.t_min < far.t_max).then(|| filter.clipped(&far)).flatten().map(|far| (i, far))
         });
-        let stopped = self.stopped_by_voxels(far, coherent, scratch);
-
-        let ShadowScratch { packet, triangles, asked, rays: near, numbers, .. } = scratch;
+        self.meet_voxels(far, scratch);
+        let mut stopped = scratch.stopped;
+        let mut near = std::mem::take(&mut scratch.near);
         near.clear();
-        numbers.clear();
-        for (i, ray) in rays.iter().enumerate().filter(|(i, _)| stopped >> i & 1 == 0) {
+        near.extend(rays.iter().enumerate().filter(|(i, _)| stopped >> i & 1 == 0).filter_map(|(i, ray)| {
             let whole = self.exact_ray(ray);
-            let ray = Ray { t_max: whole.t_max.min(fine(ray)), ..whole };
-            if let Some(ray) = self.scene.filter.clipped(&ray) {
-                near.push(ray);
-                numbers.push(i);
-            }
-        }
-        let met = self.stopped_by_triangles(near, packet, triangles, asked);
-        numbers.iter().enumerate().fold(stopped, |bits, (i, &number)| bits | (met >> i & 1) << number)
+            // Voxels of the light itself decide nothing.
+            let t_max = if fine(ray) < ray.distance - self.lamp(ray) { fine(ray) } else { whole.t_max };
+            filter.clipped(&Ray { t_max, ..whole }).map(|ray| (i, ray))
+        }));
+        stopped |= if coherent {
+            self.stopped_by_triangles(&near, scratch)
+        } else {
+            // Rays that have little in common share no candidates.
+            let met = near.iter().filter(|(_, ray)| self.scene.exact.any(ray, filter));
+            met.fold(0, |bits, &(i, _)| bits | 1 << i)
+        };
+        scratch.near = near;
+        stopped
     }
 
-    /// Which of some rays meet a triangle: voxels name the candidates.
-    fn stopped_by_triangles(
-        &self,
-        rays: &[Ray],
-        packet: &mut RayPacket,
-        triangles: &mut TriangleRays,
-        asked: &mut Asked,
-    ) -> u64 {
+    /// Which of some numbered rays meet a triangle: voxels name the candidates.
+    fn stopped_by_triangles(&self, rays: &[(usize, Ray)], scratch: &mut ShadowScratch) -> u64 {
+        let ShadowScratch { packet, triangles, asked, lone, .. } = scratch;
         let QueryScene { exact, filter, owners, dag, .. } = self.scene;
         let mut waiting = match rays.len() {
             0 => return 0,
             count => u64::MAX >> (PACKET_RAYS - count),
         };
+        lone.clear();
+        lone.extend(rays.iter().map(|&(_, ray)| ray));
         asked.begin(exact.drawable_count());
-        packet.fill(rays.iter().map(|ray| self.grid_ray(ray)));
-        triangles.fill(exact, rays);
+        packet.fill(lone.iter().map(|ray| self.grid_ray(ray)));
+        triangles.fill(exact, lone);
         let mut ends = [0.0; PACKET_RAYS];
-        rays.iter().zip(&mut ends).for_each(|(ray, end)| *end = ray.t_max);
+        lone.iter().zip(&mut ends).for_each(|(ray, end)| *end = ray.t_max);
         let mut meet = |brick: &PacketBrick, left: &mut RayEnds| {
             for owner in owners.all_of_brick(brick.ordinal()) {
                 if !asked.is_new(owner) || exact.is_transparent(owner) || filter.is_hidden(owner) {
@@ -241,6 +253,6 @@ impl<'a> ShadowTracer<'a> {
             }
         };
         RayCaster::new(dag).cast_bricks(packet, &mut meet);
-        !waiting & (u64::MAX >> (PACKET_RAYS - rays.len()))
+        rays.iter().enumerate().fold(0, |bits, (i, &(number, _))| bits | (!waiting >> i & 1) << number)
     }
 }

@@ -1,0 +1,277 @@
+//! Shadows: that `hybrid` is `exact` where it promises to be, that flat and convex surfaces have no acne, that closed rooms
+//! have no leaks, and that pictures are the same however they are cut up.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a failed test panics")]
+
+mod common;
+
+use common::{Random, build_model, cuboid, load, mesh, random_model};
+use glam::{DAffine3, DQuat, DVec3};
+use voxsight::camera::{Camera, CameraRays, Plane, Projection};
+use voxsight::loaded::LoadedScene;
+use voxsight::model::{Colour, Mesh, Model, Node, Object, Part};
+use voxsight::progress::Silent;
+use voxsight::render::{
+    AreaLight, Film, KeyLight, LightKind, Lighting, RayCount, RenderSettings, Renderer, Shadows, Sky, Sun,
+};
+
+/// A sun of half a degree, a sky that is occluded, and a lamp inside.
+fn all_lights(random: &mut Random, centre: DVec3, reach: f64) -> Lighting {
+    let direction = random.vector() + DVec3::Y;
+    let angle_deg = [0.0, 0.5, 20.0][random.below(3) as usize];
+    let area = AreaLight {
+        corner: centre + random.vector() * 8.0,
+        edge_u: random.vector() * 3.0,
+        edge_v: random.vector() * 3.0,
+        radiance: DVec3::splat(20.0),
+    };
+    Lighting {
+        key: KeyLight::Sun(Sun { direction, angle_deg }),
+        sky: Sky::Occluded { reach },
+        areas: vec![area],
+    }
+}
+
+fn settings(lighting: Lighting, shadows: Shadows, samples: u32) -> RenderSettings {
+    RenderSettings { samples_per_pixel: samples, lighting, shadows, up: DVec3::Y, seed: 7 }
+}
+
+fn film(loaded: &LoadedScene, camera: &CameraRays, settings: &RenderSettings) -> Film {
+    let picture = loaded.picture();
+    Renderer::new(&picture, camera, settings).rows(0..camera.size().1, &Silent).unwrap().0
+}
+
+fn sum(film: &Film, kind: LightKind) -> RayCount {
+    film.pixels.iter().fold(RayCount::default(), |sum, pixel| {
+        let RayCount { cast, free } = pixel.shadow[kind as usize];
+        RayCount { cast: sum.cast + cast, free: sum.free + free }
+    })
+}
+
+#[test]
+fn hybrid_shadows_without_tolerance_are_those_of_triangles_to_the_last_ray() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rays = [0; 3];
+    for seed in 0..24u64 {
+        let mut random = Random::new(seed);
+        let offset = if seed % 3 == 0 { DVec3::splat(1e5) } else { DVec3::ZERO };
+        let path = folder.path().join(format!("{seed}.vxs"));
+        build_model(random_model(seed, 40, offset), 6 + (seed % 4) as u32, &path);
+        let mut loaded = load(&path);
+        let centre = offset + DVec3::splat(10.0);
+        if seed % 4 == 1 {
+            for drawable in 0..loaded.query().exact.drawable_count() {
+                loaded.filter_mut().set_hidden(drawable, random.below(3) == 0);
+            }
+        }
+        if seed % 4 == 2 {
+            loaded.filter_mut().clip_by(Plane { normal: random.vector(), point: centre });
+        }
+        let camera = Camera::around(offset, offset + DVec3::splat(20.0), random.vector(), DVec3::Y, 45, 37);
+        let camera = camera.rays().unwrap();
+        let reach = [f64::INFINITY, 3.0][random.below(2) as usize];
+        let lighting = all_lights(&mut random, centre, reach);
+        let exact = film(&loaded, &camera, &settings(lighting.clone(), Shadows::Exact, 3));
+        let hybrid = film(&loaded, &camera, &settings(lighting, Shadows::Hybrid { tolerance: 0.0 }, 3));
+        for (pixel, (a, b)) in exact.pixels.iter().zip(&hybrid.pixels).enumerate() {
+            assert_eq!(a.shadow, b.shadow, "seed {seed}, pixel {pixel}");
+        }
+        assert_eq!(exact, hybrid, "seed {seed}");
+        for kind in LightKind::ALL {
+            let RayCount { cast, free } = sum(&exact, kind);
+            assert!(free <= cast);
+            rays[kind as usize] += u32::from(free > 0 && free < cast);
+        }
+    }
+    assert!(rays.iter().all(|&scenes| scenes > 15), "scenes with light and shadow, by kind: {rays:?}");
+}
+
+#[test]
+fn a_tolerance_shifts_penumbras_by_no_more_than_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    // A wall that ends in the air over a floor.
+    let model = placed(&[
+        (
+            cuboid(),
+            DAffine3::from_translation(DVec3::Y * -1.0) * DAffine3::from_scale(DVec3::new(20.0, 0.1, 20.0)),
+        ),
+        (
+            cuboid(),
+            DAffine3::from_translation(DVec3::new(0.0, 12.0, 0.0))
+                * DAffine3::from_scale(DVec3::new(4.0, 0.05, 4.0)),
+        ),
+    ]);
+    build_model(model, 9, &path);
+    let loaded = load(&path);
+    let camera = above(DVec3::new(0.0, 9.0, 0.0), 96);
+    let lighting = Lighting {
+        key: KeyLight::Sun(Sun { direction: DVec3::new(0.1, 1.0, 0.05), angle_deg: 12.0 }),
+        sky: Sky::Plain,
+        areas: Vec::new(),
+    };
+    let exact = film(&loaded, &camera, &settings(lighting.clone(), Shadows::Exact, 64));
+    let error = |tolerance: f64| {
+        let film = film(&loaded, &camera, &settings(lighting.clone(), Shadows::Hybrid { tolerance }, 64));
+        let of = |film: &Film, pixel: usize| film.pixels[pixel].shadow[0].visibility().unwrap();
+        let pixels = (0..exact.pixels.len()).filter(|&pixel| exact.pixels[pixel].shadow[0].cast > 0);
+        let penumbra = pixels.filter(|&pixel| (0.01..0.99).contains(&of(&exact, pixel)));
+        let errors: Vec<f64> = penumbra.map(|pixel| (of(&exact, pixel) - of(&film, pixel)).abs()).collect();
+        assert!(errors.len() > 500, "{}", errors.len());
+        errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    // A voxel is 0.08, the wall 13 away, the penumbra 2.7 wide: voxels are too thick by up to 3 % of it.
+    let (voxels_decide, triangles_decide) = (error(0.25), error(0.01));
+    assert!(voxels_decide > 0.001 && voxels_decide < 0.03, "{voxels_decide}");
+    assert_eq!(triangles_decide, 0.0);
+}
+
+/// A model of meshes, each an opaque object.
+fn placed(meshes: &[(Mesh, DAffine3)]) -> Model {
+    let mut model = Model::default();
+    for (i, (mesh, world_from_part)) in (0..).zip(meshes) {
+        model.parts.push(Part { name: format!("part {i}"), mesh: mesh.clone() });
+        model.nodes.push(Node { name: format!("node {i}"), ..Node::default() });
+        let colour = Colour([200, 200, 200, 255]);
+        model.objects.push(Object { node: i, part: i, world_from_part: *world_from_part, colour });
+    }
+    model
+}
+
+/// A square view straight down.
+fn above(eye: DVec3, side: u32) -> CameraRays {
+    Camera {
+        eye: eye.into(),
+        target: (eye - DVec3::Y).into(),
+        up: [0.0, 0.0, -1.0],
+        projection: Projection::Perspective { fov_y_deg: 80.0 },
+        width: side,
+        height: side,
+    }
+    .rays()
+    .unwrap()
+}
+
+/// A ball of many facets.
+fn ball() -> Mesh {
+    const RINGS: u32 = 24;
+    let at = |ring: u32, step: u32| {
+        let (pitch, turn) = (
+            std::f64::consts::PI * f64::from(ring) / f64::from(RINGS),
+            std::f64::consts::TAU * f64::from(step) / f64::from(2 * RINGS),
+        );
+        [pitch.sin() * turn.cos(), pitch.cos(), pitch.sin() * turn.sin()]
+    };
+    let steps = 2 * RINGS;
+    let positions: Vec<[f64; 3]> = (0..=RINGS).flat_map(|r| (0..steps).map(move |s| at(r, s))).collect();
+    let id = |ring: u32, step: u32| ring * steps + step % steps;
+    let triangles: Vec<[u32; 3]> = (0..RINGS)
+        .flat_map(|r| {
+            (0..steps).flat_map(move |s| {
+                [[id(r, s), id(r, s + 1), id(r + 1, s)], [id(r, s + 1), id(r + 1, s + 1), id(r + 1, s)]]
+            })
+        })
+        .filter(|t| {
+            let [a, b, c] = t.map(|i| DVec3::from(positions[i as usize]));
+            (b - a).cross(c - a).length() > 1e-9
+        })
+        .collect();
+    mesh(&positions, &triangles)
+}
+
+#[test]
+fn flat_and_convex_surfaces_have_no_acne_at_any_angle() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rays = 0;
+    for seed in 0..30u64 {
+        let mut random = Random::new(seed);
+        let turn = DQuat::from_axis_angle(random.vector().normalize(), 6.0 * random.unit());
+        let scale = DVec3::new(1.0, 0.02 + random.unit(), 0.3 + random.unit());
+        let place =
+            DAffine3::from_rotation_translation(turn, random.vector()) * DAffine3::from_scale(scale * 5.0);
+        let body = if seed % 2 == 0 { cuboid() } else { ball() };
+        let path = folder.path().join(format!("{seed}.vxs"));
+        build_model(placed(&[(body, place)]), 6 + (seed % 5) as u32, &path);
+        let loaded = load(&path);
+        let bounds = loaded.scene().meta().bounds;
+        let camera = Camera::around(bounds.min.into(), bounds.max.into(), random.vector(), DVec3::Y, 60, 60);
+        let camera = camera.rays().unwrap();
+        // A body that is convex shades nothing of itself that faces the light: every ray comes through.
+        let lighting = Lighting {
+            key: KeyLight::Sun(Sun { direction: random.vector(), angle_deg: 1.0 }),
+            sky: Sky::Occluded { reach: f64::INFINITY },
+            areas: Vec::new(),
+        };
+        for shadows in [Shadows::Voxel, Shadows::HYBRID, Shadows::Exact] {
+            let film = film(&loaded, &camera, &settings(lighting.clone(), shadows, 2));
+            for kind in [LightKind::Sun, LightKind::Sky] {
+                let RayCount { cast, free } = sum(&film, kind);
+                assert_eq!(free, cast, "seed {seed}, {shadows:?}, {kind:?}: acne");
+                rays += cast;
+            }
+        }
+    }
+    assert!(rays > 200_000, "{rays}");
+}
+
+#[test]
+fn no_light_leaks_into_a_closed_room_of_sheets_without_thickness() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rays = 0;
+    for seed in 0..12u64 {
+        let mut random = Random::new(seed);
+        let turn = DQuat::from_axis_angle(random.vector().normalize(), 6.0 * random.unit());
+        let place = DAffine3::from_rotation_translation(turn, random.vector());
+        let room = DAffine3::from_scale(DVec3::new(3.0, 2.0, 4.0));
+        let path = folder.path().join(format!("{seed}.vxs"));
+        build_model(placed(&[(cuboid(), place * room)]), 6 + (seed % 4) as u32, &path);
+        let loaded = load(&path);
+        let eye = place.transform_point3(DVec3::ZERO);
+        let camera = Camera {
+            eye: eye.into(),
+            target: (eye + random.vector()).into(),
+            up: [0.0, 1.0, 0.0],
+            projection: Projection::Perspective { fov_y_deg: 120.0 },
+            width: 64,
+            height: 64,
+        };
+        let lighting = Lighting {
+            key: KeyLight::Sun(Sun { direction: random.vector(), angle_deg: 5.0 }),
+            sky: Sky::Occluded { reach: f64::INFINITY },
+            areas: Vec::new(),
+        };
+        for shadows in [Shadows::Voxel, Shadows::HYBRID, Shadows::Exact] {
+            let film = film(&loaded, &camera.rays().unwrap(), &settings(lighting.clone(), shadows, 2));
+            for kind in [LightKind::Sun, LightKind::Sky] {
+                let RayCount { cast, free } = sum(&film, kind);
+                assert_eq!(free, 0, "seed {seed}, {shadows:?}, {kind:?}: of {cast} rays some leak");
+                rays += cast;
+            }
+        }
+    }
+    assert!(rays > 150_000, "{rays}");
+}
+
+#[test]
+fn pictures_are_the_same_for_any_cut_and_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    build_model(random_model(5, 50, DVec3::ZERO), 8, &path);
+    let loaded = load(&path);
+    let camera =
+        Camera::around(DVec3::ZERO, DVec3::splat(20.0), DVec3::ONE, DVec3::Y, 71, 53).rays().unwrap();
+    for shadows in [Shadows::Voxel, Shadows::HYBRID, Shadows::Exact] {
+        let lighting = all_lights(&mut Random::new(3), DVec3::splat(10.0), 5.0);
+        let settings = settings(lighting, shadows, 5);
+        let whole = film(&loaded, &camera, &settings);
+        let picture = loaded.picture();
+        let renderer = Renderer::new(&picture, &camera, &settings);
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut pixels = Vec::new();
+            for rows in [0..1, 1..9, 9..30, 30..30, 30..53] {
+                pixels.extend(pool.install(|| renderer.rows(rows, &Silent)).unwrap().0.pixels);
+            }
+            assert_eq!(pixels, whole.pixels, "{shadows:?}, {threads} threads");
+        }
+    }
+}
