@@ -119,9 +119,9 @@ fn a_tolerance_shifts_penumbras_by_no_more_than_it_says() {
         assert!(errors.len() > 500, "{}", errors.len());
         errors.iter().sum::<f64>() / errors.len() as f64
     };
-    // A voxel is 0.08, the wall 13 away, the penumbra 2.7 wide: voxels are too thick by up to 3 % of it.
+    // A voxel is 0.08, the wall 13 away, the penumbra 2.7 wide: voxels reach too far by up to 5 % of it, the diagonal of one.
     let (voxels_decide, triangles_decide) = (error(0.25), error(0.01));
-    assert!(voxels_decide > 0.001 && voxels_decide < 0.03, "{voxels_decide}");
+    assert!(voxels_decide > 0.001 && voxels_decide < 0.05, "{voxels_decide}");
     assert_eq!(triangles_decide, 0.0);
 }
 
@@ -210,7 +210,7 @@ fn flat_and_convex_surfaces_have_no_acne_at_any_angle() {
             }
         }
     }
-    assert!(rays > 200_000, "{rays}");
+    assert!(rays > 100_000, "{rays}");
 }
 
 #[test]

@@ -11,8 +11,8 @@
 //!
 //! # `hybrid`
 //!
-//! Voxels are thicker than what is in them, by up to a voxel on each side. Seen from the receiver a voxel of size s at distance
-//! t covers s / t; where that is less than [`Shadows::Hybrid`]'s `tolerance` times the angle across the light, a voxel may decide:
+//! Voxels are larger than what is in them, by up to a diagonal. Seen from the receiver a diagonal s at distance t
+//! covers s / t; where that is less than [`Shadows::Hybrid`]'s `tolerance` times the angle across the light, a voxel may decide:
 //! it shifts a penumbra by less than this share of its width. Nearer, triangles decide: for rays that go the same way voxels
 //! name the candidates of the whole packet. (Lost: to look for any voxel behind the ray's own first, and for triangles only
 //! where there is one: 0.6 times as fast amid a plant, where nearly every ray meets one.)
@@ -197,7 +197,8 @@ impl<'a> ShadowTracer<'a> {
     ) -> u64 {
         let filter = self.scene.filter;
         // From here on voxels decide; never where the light has no size.
-        let fine = |ray: &ShadowRay| self.scene.grid.voxel_size / (tolerance * ray.spread);
+        let diagonal = 3f64.sqrt() * self.scene.grid.voxel_size;
+        let fine = |ray: &ShadowRay| diagonal / (tolerance * ray.spread);
         // The far part first: it is quick, and what it stops needs no triangles.
         let far = rays.iter().enumerate().filter_map(|(i, ray)| {
             let far = Ray { t_min: fine(ray), t_max: ray.distance - self.lamp(ray), ..self.exact_ray(ray) };
