@@ -184,7 +184,7 @@ fn flat_and_convex_surfaces_have_no_acne_at_any_angle() {
     let mut rays = 0;
     for seed in 0..30u64 {
         let mut random = Random::new(seed);
-        let turn = DQuat::from_axis_angle(random.vector().normalize(), 6.0 * random.unit());
+        let turn = DQuat::from_axis_angle(random.vector().normalize_or(DVec3::Y), 6.0 * random.unit());
         let scale = DVec3::new(1.0, 0.02 + random.unit(), 0.3 + random.unit());
         let place =
             DAffine3::from_rotation_translation(turn, random.vector()) * DAffine3::from_scale(scale * 5.0);
@@ -219,7 +219,7 @@ fn no_light_leaks_into_a_closed_room_of_sheets_without_thickness() {
     let mut rays = 0;
     for seed in 0..12u64 {
         let mut random = Random::new(seed);
-        let turn = DQuat::from_axis_angle(random.vector().normalize(), 6.0 * random.unit());
+        let turn = DQuat::from_axis_angle(random.vector().normalize_or(DVec3::Y), 6.0 * random.unit());
         let place = DAffine3::from_rotation_translation(turn, random.vector());
         let room = DAffine3::from_scale(DVec3::new(3.0, 2.0, 4.0));
         let path = folder.path().join(format!("{seed}.vxs"));

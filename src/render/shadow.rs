@@ -66,6 +66,7 @@ pub(super) struct ShadowRay {
 }
 
 /// Room to work; one for each thread.
+#[derive(Default)]
 pub(super) struct ShadowScratch {
     packet: RayPacket,
     triangles: TriangleRays,
@@ -77,20 +78,6 @@ pub(super) struct ShadowScratch {
     /// Rays that are left for triangles, and which of the caller's they are.
     near: Vec<(usize, Ray)>,
     lone: Vec<Ray>,
-}
-
-impl Default for ShadowScratch {
-    fn default() -> Self {
-        ShadowScratch {
-            packet: RayPacket::default(),
-            triangles: TriangleRays::default(),
-            asked: Asked::default(),
-            numbers: Vec::new(),
-            stopped: 0,
-            near: Vec::new(),
-            lone: Vec::new(),
-        }
-    }
 }
 
 /// Casts shadow rays in one way.
