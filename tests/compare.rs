@@ -399,9 +399,10 @@ fn every_method_takes_part_and_its_figures_make_sense() {
     for boxes in ["hzm", "hzb"] {
         let boxes = named(boxes, 0.0);
         assert_eq!(boxes["rays_cast"], 0.0);
-        assert!(mean(boxes, "culled_of_hidden") > 0.0 && mean(boxes, "lost_pixels") < 0.01, "{boxes}");
+        assert!(mean(boxes, "lost_pixels") < 0.01, "{boxes}");
         assert!(mean(boxes, "needlessly_drawn") > mean(named("hybrid", 1.0), "needlessly_drawn"));
     }
+    assert!(mean(named("hzb", 0.0), "culled_of_hidden") > 0.1, "{}", named("hzb", 0.0));
     assert_eq!(mean(named("frustum", 0.0), "culled_of_hidden"), 0.0);
 }
 

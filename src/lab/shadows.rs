@@ -281,8 +281,8 @@ pub fn difference(answer: &Film, reference: &Film) -> image::RgbImage {
         let ground = 0.4 * (r + g + b) / 3.0 + 0.6 * 235.0;
         let share = wrong.abs().min(1.0);
         let towards = if wrong < 0.0 { [214.0, 39.0, 40.0] } else { [31.0, 87.0, 214.0] };
-        // A small difference is shown too.
-        let share = if share > 0.0 { 0.25 + 0.75 * share } else { 0.0 };
+        // Small differences are shown somewhat larger.
+        let share = share.sqrt() * (1.0 - 0.5 * (1.0 - share));
         image::Rgb(towards.map(|c| (ground + (c - ground) * share).round() as u8))
     })
 }

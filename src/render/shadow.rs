@@ -24,7 +24,7 @@ use voxsight_voxel::raycast::{
 
 use crate::exact::TriangleRays;
 use crate::ray::Ray;
-use crate::visibility::{Asked, QueryScene};
+use crate::visibility::{Asked, QueryScene, VOXELS_BETWEEN_RAYS};
 
 /// Height above its surface at which a shadow ray against triangles starts, in sides of the grid.
 const EXACT_HEIGHT: f64 = 1e-7;
@@ -227,20 +227,28 @@ impl<'a> ShadowTracer<'a> {
         triangles.fill(exact, lone);
         let mut ends = [0.0; PACKET_RAYS];
         lone.iter().zip(&mut ends).for_each(|(ray, end)| *end = ray.t_max);
-        let mut meet = |brick: &PacketBrick, left: &mut RayEnds| {
-            for owner in owners.all_of_brick(brick.ordinal()) {
-                if !asked.is_new(owner) || exact.is_transparent(owner) || filter.is_hidden(owner) {
-                    continue;
-                }
-                let mut t = ends;
-                let met = exact.closest_of_packet(owner, triangles, waiting, &mut t);
-                waiting &= !met;
-                for ray in (0..PACKET_RAYS).filter(|ray| met >> ray & 1 != 0) {
-                    left.shorten(ray, f64::NEG_INFINITY);
-                }
+        let mut ask = |drawable: u32, triangles: &mut TriangleRays| {
+            if exact.is_transparent(drawable) || filter.is_hidden(drawable) {
+                return 0;
             }
+            let mut t = ends;
+            let met = exact.closest_of_packet(drawable, triangles, waiting, &mut t);
+            waiting &= !met;
+            met
         };
-        RayCaster::new(dag).cast_bricks(packet, &mut meet);
+        let each = |bits: u64| (0..PACKET_RAYS).filter(move |ray| bits >> ray & 1 != 0);
+        if triangles.spacing() > VOXELS_BETWEEN_RAYS * self.scene.grid.voxel_size {
+            // Each ray would cross bricks of its own.
+            exact.visit_packet(triangles, |drawable, triangles| {
+                each(ask(drawable, triangles)).for_each(|ray| triangles.shorten(ray, f64::NEG_INFINITY));
+            });
+        } else {
+            RayCaster::new(dag).cast_bricks(packet, |brick: &PacketBrick, left: &mut RayEnds| {
+                for owner in owners.all_of_brick(brick.ordinal()).filter(|&owner| asked.is_new(owner)) {
+                    each(ask(owner, triangles)).for_each(|ray| left.shorten(ray, f64::NEG_INFINITY));
+                }
+            });
+        }
         rays.iter().enumerate().fold(0, |bits, (i, &(number, _))| bits | (!waiting >> i & 1) << number)
     }
 }

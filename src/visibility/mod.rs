@@ -32,7 +32,7 @@ use voxsight_voxel::grid::Grid;
 use voxsight_voxel::raycast::PACKET_RAYS;
 
 pub use accuracy::{Accuracy, ClassError, accuracy};
-pub(crate) use nearest::Asked;
+pub(crate) use nearest::{Asked, VOXELS_BETWEEN_RAYS};
 pub use nearest::{TileHits, TileTracer};
 pub use sampling::{Jitter, PixelRay, RayGrid, RaysPerPixel, Tile, sample_offset};
 

@@ -16,7 +16,7 @@ use crate::ray::Ray;
 /// Where the rays of a tile enter the scene farther apart than this, in voxels, each ray would cross bricks of its own, and
 /// most of what is in them lies between the rays: there the boxes of drawables name the candidates, which is quicker from
 /// outside (0.8 of the time on a plant of 12 M triangles at 4096^3) and slower inside (1.2 to 1.5 times). The answer is the same.
-const VOXELS_BETWEEN_RAYS: f64 = 1.5;
+pub(crate) const VOXELS_BETWEEN_RAYS: f64 = 1.5;
 
 /// No drawable.
 const NOBODY: u32 = u32::MAX;

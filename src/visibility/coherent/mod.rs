@@ -31,6 +31,7 @@ pub use settings::{CoherentError, CoherentSettings};
 
 use self::memory::{Lesson, Memory};
 use super::culling::{CulledFrame, Culling, timed};
+use super::frustum::in_planes;
 use super::source::{ImageRays, ListedRays};
 use super::tally::{Tally, TallyPool};
 use super::{QueryScene, QuerySettings, RayMethod, RaysPerPixel, cast};
@@ -118,8 +119,7 @@ impl CoherentQuery {
             let (min, max) = scene.exact.drawable_box(drawable);
             let stays = frame - known.seen <= self.settings.window
                 && !scene.filter.is_hidden(drawable)
-                && scene.filter.reaches(min, max)
-                && frustum.iter().all(|plane| plane.reaches(min, max));
+                && in_planes(scene.exact, drawable, frustum.iter().chain(scene.filter.clip_planes()));
             if !stays {
                 unseen.gone.push(drawable);
             } else if frustum.iter().all(|plane| plane.reaches(known.point, known.point)) {
