@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sky = Sky::Occluded { reach: 0.1 * (max - min).length() };
     let settings = RenderSettings {
         samples_per_pixel: 16,
-        lighting: Lighting { key: KeyLight::Sun(sun), sky, areas: Vec::new() },
+        lighting: Lighting { key: KeyLight::Sun(sun), sky, areas: Vec::new(), fill: 1.0 },
         shadows: Shadows::HYBRID,
         up,
         seed: 0,

@@ -141,35 +141,52 @@ fn an_interrupted_picture_goes_on_and_comes_out_the_same() {
         let whole = format!("whole-{name}");
         sample.write(&camera, &whole, format, &Silent).unwrap();
         let whole = std::fs::read(sample.path(&whole)).unwrap();
-        let part = sample.path(&format!(".{name}.part"));
+        let part = || {
+            let names = std::fs::read_dir(sample.folder.path()).unwrap().map(|entry| entry.unwrap().path());
+            let mut parts: Vec<PathBuf> =
+                names.filter(|path| path.extension().is_some_and(|e| e == "part")).collect();
+            assert!(parts.len() < 2, "{parts:?}");
+            parts.pop()
+        };
         let stop = StopAfter { pixels: 20_000 * 60, done: AtomicU64::new(0) };
         let stopped = sample.write(&camera, name, format, &stop).unwrap_err();
         let PictureError::Stopped { done, rows, .. } = stopped else { panic!("{stopped}") };
         assert!(rows == 120 && done > 0 && done < rows, "{done} of {rows}");
-        assert!(part.is_file() && !sample.path(name).exists());
+        let part_path = part().unwrap();
+        assert!(!sample.path(name).exists());
         // A job that was killed in the middle of a band leaves something behind it; a torn disk, a wrong byte.
-        let mut bytes = std::fs::read(&part).unwrap();
+        let mut bytes = std::fs::read(&part_path).unwrap();
         bytes.extend([1, 2, 3]);
-        std::fs::write(&part, &bytes).unwrap();
+        std::fs::write(&part_path, &bytes).unwrap();
         let written = sample.write(&camera, name, format, &Silent).unwrap();
         assert!(matches!(written, Written::New { resumed_rows, .. } if resumed_rows == done), "{written:?}");
         assert!(std::fs::read(sample.path(name)).unwrap() == whole, "{name} differs");
-        assert!(!part.exists());
+        assert_eq!(part(), None);
         assert_eq!(sample.write(&camera, name, format, &Silent).unwrap(), Written::Before);
 
         std::fs::remove_file(sample.path(name)).unwrap();
         let last = bytes.len() - 40;
         bytes[last] ^= 1;
-        std::fs::write(&part, &bytes).unwrap();
+        std::fs::write(&part_path, &bytes).unwrap();
         let written = sample.write(&camera, name, format, &Silent).unwrap();
         assert!(matches!(written, Written::New { resumed_rows, .. } if resumed_rows < done), "{written:?}");
         assert!(std::fs::read(sample.path(name)).unwrap() == whole, "{name} differs");
-        // A part file of something else is begun anew.
-        std::fs::remove_file(sample.path(name)).unwrap();
-        std::fs::write(&part, b"VXSPART1 of another picture").unwrap();
+        // A picture that was cut short in a copy is no picture; a part file that a killed job forgot goes.
+        std::fs::write(sample.path(name), &whole[..whole.len() - 5]).unwrap();
+        std::fs::write(&part_path, b"VXSPART1 cut short").unwrap();
         let written = sample.write(&camera, name, format, &Silent).unwrap();
-        assert!(matches!(written, Written::New { resumed_rows: 0, .. }));
+        assert!(matches!(written, Written::New { resumed_rows: 0, .. }), "{written:?}");
         assert!(std::fs::read(sample.path(name)).unwrap() == whole, "{name} differs");
+        std::fs::write(&part_path, &bytes).unwrap();
+        assert_eq!(sample.write(&camera, name, format, &Silent).unwrap(), Written::Before);
+        assert_eq!(part(), None);
+        // Somebody else's file is left alone.
+        std::fs::remove_file(sample.path(name)).unwrap();
+        std::fs::write(&part_path, b"notes").unwrap();
+        let foreign = sample.write(&camera, name, format, &Silent).unwrap_err();
+        assert!(matches!(foreign, PictureError::Foreign(_)), "{foreign}");
+        assert_eq!(std::fs::read(&part_path).unwrap(), b"notes");
+        std::fs::remove_file(&part_path).unwrap();
     }
 }
 
@@ -177,7 +194,7 @@ fn an_interrupted_picture_goes_on_and_comes_out_the_same() {
 fn two_jobs_do_not_make_one_picture() {
     let sample = Sample::new();
     let camera = Sample::camera(16, 16);
-    let part = std::fs::File::create(sample.path(".p.png.part")).unwrap();
+    let part = std::fs::File::create(sample.path(".p.png.00000000.part")).unwrap();
     part.lock().unwrap();
     let busy = sample.write(&camera, "p.png", Format::Png8, &Silent).unwrap_err();
     assert!(matches!(busy, PictureError::Busy(_)), "{busy}");

@@ -39,7 +39,7 @@ fn picture(loaded: &LoadedScene, shadows: Shadows) -> image::RgbImage {
         height: 64,
     };
     let sun = Sun { direction: DVec3::Y, angle_deg: 0.0 };
-    let lighting = Lighting { key: KeyLight::Sun(sun), sky: Sky::Plain, areas: Vec::new() };
+    let lighting = Lighting { key: KeyLight::Sun(sun), sky: Sky::Plain, areas: Vec::new(), fill: 1.0 };
     let settings = RenderSettings { samples_per_pixel: 1, lighting, shadows, up: DVec3::Y, seed: 0 };
     render(&loaded.picture(), &camera.rays().unwrap(), &settings, &Silent).unwrap()
 }

@@ -78,7 +78,10 @@ pub fn read_camera(path: &Path) -> Result<Camera, Failure> {
 /// Refuses, before any work is done, an output whose folder is missing, or that would replace a file which is not of
 /// its kind: a model or a scene named by mistake. `-`, pipes and devices are fine.
 pub fn check_output(path: &Path, extension: &str) -> Result<(), Failure> {
-    if path == Path::new("-") || fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+    if path.is_dir() {
+        return Err(format!("{}: is a folder; name a file", path.display()).into());
+    }
+    if path == Path::new("-") || fs::metadata(path).is_ok_and(|found| !found.is_file()) {
         return Ok(());
     }
     if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {

@@ -19,8 +19,8 @@ use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::file::{Fingerprint, Format, Written, render_to_file};
 use crate::render::{
-    AreaLight, KeyLight, LightKind, Lighting, MAX_SAMPLES, RenderSettings, Renderer, SUN_ANGLE_DEG,
-    ShadowCost, Shadows, Sky, Sun, render_depth, render_ids,
+    AreaLight, KeyLight, LightKind, Lighting, MAX_SAMPLES, PIXELS_VERSION, RenderSettings, Renderer,
+    SUN_ANGLE_DEG, ShadowCost, Shadows, Sky, Sun, render_depth, render_ids,
 };
 use crate::scene::Scene;
 
@@ -62,10 +62,10 @@ pub struct Render {
     #[arg(long, default_value = "8", value_name = "BITS", value_parser = ["8", "16"])]
     bits: String,
     /// Write object ids as colours instead: (id + 1) * 0x9E3779 mod 2^24, red lowest
-    #[arg(long, conflicts_with_all = ["depth", "light", "sun", "shadows", "spp"])]
+    #[arg(long, conflicts_with_all = ["depth", "light", "sun", "sun_angle", "sky", "areas", "fill", "shadows", "spp", "seed", "bits"])]
     ids: bool,
     /// Write depth instead: 16 bits, 0 = nothing, 1 = nearest, 65535 = farthest, linear; the range is printed
-    #[arg(long, conflicts_with_all = ["light", "sun", "shadows", "spp"])]
+    #[arg(long, conflicts_with_all = ["light", "sun", "sun_angle", "sky", "areas", "fill", "shadows", "spp", "seed", "bits"])]
     depth: bool,
     /// The picture to write: PNG, or EXR (linear, with depth, normals and object ids)
     #[arg(long, short, value_name = "OUT.png|OUT.exr", required_unless_present = "report")]
@@ -96,6 +96,9 @@ struct LightFlags {
     /// Shining rectangles: a JSON list of {"corner":[x,y,z],"edge_u":[x,y,z],"edge_v":[x,y,z],"radiance":[r,g,b]}
     #[arg(long, value_name = "AREAS.json")]
     areas: Option<PathBuf>,
+    /// A little light from the eye and the side, so that shapes in the shade keep their form, 0 to 1 [default: 1 with a sun]
+    #[arg(long, value_name = "SHARE")]
+    fill: Option<f64>,
     /// How shadows are found [default: hybrid]
     #[arg(long)]
     shadows: Option<ShadowName>,
@@ -146,11 +149,14 @@ impl LightFlags {
         if self.light != KeyName::Sun && no_sun {
             return Err("--sun and --sun-angle are about the sun: leave them out, or use --light sun".into());
         }
-        let shadowy = self.shadows.is_some() || self.sky.is_some() || self.areas.is_some();
+        let shadowy =
+            self.shadows.is_some() || self.sky.is_some() || self.areas.is_some() || self.fill.is_some();
         if self.light == KeyName::Headlight && shadowy {
-            return Err("a headlight is all the light there is, and casts no shadows: leave out --shadows, --sky and \
-                        --areas, or use --light sun or none"
-                .into());
+            return Err(
+                "a headlight is all the light there is, and casts no shadows: leave out --shadows, --sky, \
+                        --areas and --fill, or use --light sun or none"
+                    .into(),
+            );
         }
         if self.sky_reach.is_some() && self.sky != Some(SkyName::Occluded) {
             return Err("--sky-reach is about --sky occluded".into());
@@ -160,6 +166,9 @@ impl LightFlags {
         }
         if self.sun_angle.is_some_and(|angle| !(0.0..180.0).contains(&angle)) {
             return Err("--sun-angle: expected 0 to 180 degrees".into());
+        }
+        if self.fill.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
+            return Err("--fill: expected 0 to 1".into());
         }
         if self.shadow_tolerance.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
             return Err("--shadow-tolerance: expected 0 to 1".into());
@@ -188,7 +197,8 @@ impl LightFlags {
             },
         };
         let areas = self.areas.as_deref().map(read_areas).transpose()?.unwrap_or_default();
-        Ok(Lighting { key, sky, areas })
+        let fill = self.fill.unwrap_or(if self.light == KeyName::Sun { 1.0 } else { 0.0 });
+        Ok(Lighting { key, sky, areas, fill })
     }
 
     fn shadows(&self) -> Shadows {
@@ -281,6 +291,9 @@ impl Render {
         }
         progress.stage("render", pixels, "pixels");
         if is_stream(output) {
+            if format != Format::Png8 {
+                return Err("to stdout, pipes and devices goes PNG with 8 bits; name a file for more".into());
+            }
             // Nothing to go on from later: the whole picture at once.
             let (film, _) = Renderer::new(&loaded.picture(), &rays, &settings)
                 .rows(0..camera.height, progress)
@@ -304,8 +317,13 @@ impl Render {
     /// Every way of casting shadow rays, side by side.
     fn shadow_report(&self, progress: &TerminalProgress) -> Result<(), Failure> {
         let Some(folder) = &self.report else { return Err("neither --output nor --report was given".into()) };
-        if self.light.light == KeyName::Headlight {
-            return Err("a headlight casts no shadows to report on: use --light sun or none".into());
+        let has_shadows = self.light.light == KeyName::Sun
+            || self.light.sky == Some(SkyName::Occluded)
+            || self.light.areas.is_some();
+        if !has_shadows {
+            return Err(
+                "there is no light that casts shadows: use --light sun, --sky occluded or --areas".into()
+            );
         }
         let opened: Vec<Scene> = self.scenes.iter().map(Scene::open).collect::<Result<_, _>>()?;
         let Some(first) = opened.first() else { return Err("no scene was named".into()) };
@@ -398,8 +416,7 @@ impl Render {
         let object_of = |drawable| loaded.scene().drawable_object(drawable);
         // Floats are written so that they read back the same: equal text is equal settings.
         let told = format!(
-            "{} {:032x} {} {settings:?}",
-            env!("CARGO_PKG_VERSION"),
+            "{PIXELS_VERSION} {:032x} {} {settings:?}",
             loaded.scene().container().fingerprint(),
             serde_json::to_string(camera)?
         );

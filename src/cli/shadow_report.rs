@@ -12,6 +12,7 @@ use super::progress::TerminalProgress;
 use crate::camera::Camera;
 use crate::lab::folder::{REPORT_JSON, check_folder, write_folder};
 use crate::lab::page::percent;
+use crate::lab::run::check_same_model;
 use crate::lab::shadows::{
     FORMAT, KindTime, Picture, PictureReport, ShadowOutcome, ShadowRun, chart, difference, flip,
 };
@@ -46,6 +47,9 @@ pub fn shadow_report(
     let rays = camera.rays()?;
     let scenes: Vec<LoadedScene> =
         opened.into_iter().map(|scene| LoadedScene::new(scene, progress)).collect::<Result<_, _>>()?;
+    if let [first, others @ ..] = scenes.as_slice() {
+        others.iter().try_for_each(|other| check_same_model(first, other))?;
+    }
     let tolerance = match settings.shadows {
         Shadows::Hybrid { tolerance } => tolerance,
         _ => 0.0,
@@ -53,7 +57,7 @@ pub fn shadow_report(
     let run = ShadowRun { scenes: &scenes, camera: &rays, settings, samples, tolerance };
     let outcome = run.run(progress).ok_or("stopped; nothing was written")?;
     progress.finish();
-    let mut files = pictures(&outcome, samples)?;
+    let mut files = pictures(&outcome)?;
     let reports: Vec<PictureReport> = outcome.pictures.iter().map(|picture| picture.report.clone()).collect();
     files.push(("shadows.svg".into(), chart(&reports)?.into_bytes()));
     let report = Report {
@@ -79,23 +83,21 @@ pub fn shadow_report(
 }
 
 /// The pictures with most samples, and how they differ from `exact`.
-fn pictures(outcome: &ShadowOutcome, samples: &[u32]) -> Result<Vec<(String, Vec<u8>)>, Failure> {
+fn pictures(outcome: &ShadowOutcome) -> Result<Vec<(String, Vec<u8>)>, Failure> {
     let mut files = vec![("converged.png".to_owned(), png(&outcome.converged.to_rgb8())?)];
-    let most = samples.iter().copied().max().unwrap_or(1);
-    let best: Vec<&Picture> =
-        outcome.pictures.iter().filter(|picture| picture.report.samples_per_pixel == most).collect();
-    let Some(exact) = best.iter().find(|picture| picture.report.resolution.is_none()) else {
+    let best = outcome.pictures.iter().filter_map(|Picture { report, film }| Some((report, film.as_ref()?)));
+    let Some((_, exact)) = best.clone().find(|(report, _)| report.resolution.is_none()) else {
         return Ok(files);
     };
-    for picture in &best {
-        let name = match picture.report.resolution {
-            Some(side) => format!("{}-{side}", picture.report.shadows),
-            None => picture.report.shadows.to_owned(),
+    for (report, film) in best {
+        let name = match report.resolution {
+            Some(side) => format!("{}-{side}", report.shadows),
+            None => report.shadows.to_owned(),
         };
-        files.push((format!("{name}.png"), png(&picture.film.to_rgb8())?));
-        if picture.report.resolution.is_some() {
-            files.push((format!("{name}-difference.png"), png(&difference(&picture.film, &exact.film))?));
-            files.push((format!("{name}-flip.png"), png(&flip(&picture.film, &exact.film).1)?));
+        files.push((format!("{name}.png"), png(&film.to_rgb8())?));
+        if report.resolution.is_some() {
+            files.push((format!("{name}-difference.png"), png(&difference(film, exact))?));
+            files.push((format!("{name}-flip.png"), png(&flip(film, exact).1)?));
         }
     }
     Ok(files)
@@ -110,7 +112,7 @@ fn png(image: &RgbImage) -> Result<Vec<u8>, Failure> {
 /// One line a picture and light.
 fn print(reports: &[PictureReport]) -> Result<(), Failure> {
     print_out!(
-        "shadows        samples  light  M rays  M/s a thread  wrongly dark  wrongly lit  penumbra error  FLIP    error, converged"
+        "shadows        samples  light  M rays  M/s a thread  wrongly dark  lit loses  wrongly lit  penumbra error  FLIP    error, converged"
     )?;
     for picture in reports {
         let name = match picture.resolution {
@@ -126,12 +128,13 @@ fn print(reports: &[PictureReport]) -> Result<(), Failure> {
                     .map_or_else(|| "\u{2013}".into(), |errors| percent(figure(errors)))
             };
             print_out!(
-                "{name:<14} {:>7}  {:<5} {:>7.2} {:>13.2} {:>13} {:>12} {:>15}  {flip:<6} {:>17}",
+                "{name:<14} {:>7}  {:<5} {:>7.2} {:>13.2} {:>13} {:>10} {:>12} {:>15}  {flip:<6} {:>17}",
                 picture.samples_per_pixel,
                 light.light,
                 light.rays as f64 * 1e-6,
                 time.mrays,
                 same(&|errors| errors.wrongly_dark),
+                same(&|errors| errors.lit_loss),
                 same(&|errors| errors.wrongly_lit),
                 same(&|errors| errors.penumbra_error),
                 percent(light.converged.mean_error),

@@ -97,4 +97,26 @@ impl ChunkBvh {
         });
         best
     }
+
+    /// Is there a hit between `t_min` and `t_max`, both included?
+    pub(super) fn any(&self, ray: &PartRay, t_min: f64, t_max: f64) -> bool {
+        let Some(clipped) = ClippedRay::new(ray.origin, ray.direction, t_min, t_max, self.min, self.max)
+        else {
+            return false;
+        };
+        let world_like = Ray { origin: ray.origin, direction: ray.direction, t_min, t_max };
+        let box_ray = clipped.box_ray(&world_like, self.centre, t_max);
+        let mut found = false;
+        let mut leaf = |node: &obvhs::bvh2::node::Bvh2Node, _: &mut BoxRay, _: &mut RayHit| {
+            found = (node.first_index..node.first_index + node.prim_count).any(|triangle| {
+                intersect(ray, self.triangle(triangle)).is_some_and(|t| t >= t_min && t <= t_max)
+            });
+            !found
+        };
+        let mut unused = RayHit::none();
+        fast_stack!(u32, (96, 192), self.bvh.max_depth, stack, {
+            self.bvh.ray_traverse_dynamic(&mut stack, box_ray, &mut unused, &mut leaf);
+        });
+        found
+    }
 }

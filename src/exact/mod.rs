@@ -169,13 +169,23 @@ impl ExactScene {
         let Some(ray) = filter.clipped(ray) else { return false };
         self.visit(&ray, |drawable, _| {
             let casts = !self.instances[drawable as usize].transparent && !filter.is_hidden(drawable);
-            if casts && self.closest_of(drawable, &ray).is_some() {
+            if casts && self.meets(drawable, &ray) {
                 found = true;
                 return f64::NEG_INFINITY;
             }
             ray.t_max
         });
         found
+    }
+
+    /// Does a ray meet one drawable anywhere?
+    fn meets(&self, drawable: u32, ray: &Ray) -> bool {
+        let placed = &self.instances[drawable as usize];
+        let part_ray = PartRay {
+            origin: placed.part_from_world.transform_point3(ray.origin),
+            direction: placed.part_from_world.transform_vector3(ray.direction),
+        };
+        self.chunks[placed.chunk as usize].any(&part_ray, ray.t_min, ray.t_max)
     }
 
     /// The nearest hit with one drawable.

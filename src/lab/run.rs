@@ -326,7 +326,11 @@ fn check(
 }
 
 /// Are both scenes of the same model, whatever their voxels?
-fn check_same_model(first: &LoadedScene, other: &LoadedScene) -> Result<(), LabError> {
+///
+/// # Errors
+///
+/// They are not: says in what they differ.
+pub fn check_same_model(first: &LoadedScene, other: &LoadedScene) -> Result<(), LabError> {
     let (a, b) = (first.scene(), other.scene());
     let same_objects = a.objects().len() == b.objects().len()
         && a.objects().iter().zip(b.objects()).all(|(x, y)| {

@@ -12,7 +12,7 @@ use super::svg::{GREY, SvgError};
 use crate::camera::CameraRays;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
-use crate::render::{Film, FilmPixel, LightKind, RenderSettings, Renderer, ShadowCost, Shadows};
+use crate::render::{Film, FilmPixel, LightKind, MAX_SAMPLES, RenderSettings, Renderer, ShadowCost, Shadows};
 
 /// First field of a report's JSON: what it is, and the version of its fields.
 pub const FORMAT: &str = "voxsight-shadows 1";
@@ -30,10 +30,14 @@ pub struct ShadowErrors {
     pub lit: u64,
     /// Of these the fraction that has less than half of it.
     pub wrongly_dark: f64,
+    /// Mean light that these lack, 0 to 1.
+    pub lit_loss: f64,
     /// Pixels that the reference has in full shadow.
     pub dark: u64,
     /// Of these the fraction with more than half of the light: leaks.
     pub wrongly_lit: f64,
+    /// Mean light that these have, 0 to 1.
+    pub dark_gain: f64,
     /// Pixels in between.
     pub penumbra: u64,
     /// Mean difference of visibility there, 0 to 1.
@@ -53,9 +57,11 @@ pub fn shadow_errors(answer: &Film, reference: &Film, kind: LightKind) -> Shadow
         errors.mean_error += difference;
         if truth == 1.0 {
             errors.lit += 1;
+            errors.lit_loss += difference;
             dark += u64::from(pixel < 0.5);
         } else if truth == 0.0 {
             errors.dark += 1;
+            errors.dark_gain += difference;
             lit += u64::from(pixel > 0.5);
         } else {
             errors.penumbra += 1;
@@ -64,6 +70,8 @@ pub fn shadow_errors(answer: &Film, reference: &Film, kind: LightKind) -> Shadow
     }
     let share = |part: f64, whole: u64| if whole == 0 { 0.0 } else { part / whole as f64 };
     ShadowErrors {
+        lit_loss: share(errors.lit_loss, errors.lit),
+        dark_gain: share(errors.dark_gain, errors.dark),
         wrongly_dark: share(dark as f64, errors.lit),
         wrongly_lit: share(lit as f64, errors.dark),
         penumbra_error: share(errors.penumbra_error, errors.penumbra),
@@ -128,13 +136,13 @@ pub struct KindTime {
 pub struct Picture {
     /// Figures.
     pub report: PictureReport,
-    /// Pixels.
-    pub film: Film,
+    /// Pixels; only of the pictures with most samples, as they take much memory.
+    pub film: Option<Film>,
 }
 
 /// What is compared.
 pub struct ShadowRun<'a> {
-    /// The same model at several resolutions; the triangles are those of the first.
+    /// The same model at several resolutions; `exact` is asked about the first.
     pub scenes: &'a [LoadedScene],
     /// Where from.
     pub camera: &'a CameraRays,
@@ -170,7 +178,7 @@ impl ShadowRun<'_> {
     pub fn run(&self, progress: &dyn Progress) -> Option<ShadowOutcome> {
         let first = self.scenes.first()?;
         let most = self.samples.iter().copied().max().unwrap_or(1);
-        let converged_samples = (most * REFERENCE_FACTOR).max(LEAST_REFERENCE);
+        let converged_samples = most.saturating_mul(REFERENCE_FACTOR).clamp(LEAST_REFERENCE, MAX_SAMPLES);
         // Another seed: it shares no sample with the others.
         let converged = RenderSettings {
             samples_per_pixel: converged_samples,
@@ -186,7 +194,8 @@ impl ShadowRun<'_> {
             let told = format!("exact, {samples} samples");
             let (exact, cost) = self.picture(first, &settings(Shadows::Exact), &told, progress)?;
             let report = picture_report("exact", None, samples, (&exact, &cost), None, &converged);
-            pictures.push(Picture { report, film: exact.clone() });
+            let keep = |film: &Film| (samples == most).then(|| film.clone());
+            pictures.push(Picture { report, film: keep(&exact) });
             for scene in self.scenes {
                 let side = scene.scene().grid().side();
                 let hybrid = Shadows::Hybrid { tolerance: self.tolerance };
@@ -195,7 +204,7 @@ impl ShadowRun<'_> {
                     let (film, cost) = self.picture(scene, &settings(shadows), &told, progress)?;
                     let report =
                         picture_report(way, Some(side), samples, (&film, &cost), Some(&exact), &converged);
-                    pictures.push(Picture { report, film });
+                    pictures.push(Picture { report, film: keep(&film) });
                 }
             }
         }

@@ -6,7 +6,7 @@ use glam::DVec3;
 pub const SUN_ANGLE_DEG: f64 = 0.53;
 
 /// The sky as a light has no edge; but every edge before it is wrong by what voxels are too thick, and there are many. Taken as
-/// so wide (radians), `hybrid` keeps the sum of it below 2 % of the sky.
+/// so wide (radians), triangles decide up to some hundred voxels.
 const SKY_SPREAD: f64 = 0.1;
 
 /// All light of a scene, in the open as under a clear sky: sun 0.85, sky 0.3 of what a white surface can reflect. Values
@@ -19,6 +19,9 @@ pub struct Lighting {
     pub sky: Sky,
     /// Shining rectangles.
     pub areas: Vec<AreaLight>,
+    /// A little light from the eye and from the side, so that shapes in the shade keep their form, as in a drawing: 1 for all
+    /// of it (a seventh of white), 0 for none. A headlight takes none.
+    pub fill: f64,
 }
 
 /// The strongest light.
@@ -77,20 +80,22 @@ pub(super) struct LightSample {
     pub distance: f64,
     /// Linear RGB that a white matt surface there reflects if nothing is in the way.
     pub reflected: DVec3,
-    /// About the angle across the light, radians.
+    /// About the angle across the light where it is narrowest, radians.
     pub spread: f64,
+    /// Normal of the shining surface, length 1; zero where there is none.
+    pub lamp: DVec3,
 }
 
 impl Lighting {
     /// The light of a CAD viewer.
     pub fn headlight() -> Self {
-        Lighting { key: KeyLight::Headlight, sky: Sky::None, areas: Vec::new() }
+        Lighting { key: KeyLight::Headlight, sky: Sky::None, areas: Vec::new(), fill: 0.0 }
     }
 
     /// A sun, as wide as that of the earth, and a plain sky. `direction` points towards it.
     pub fn sunny(direction: DVec3) -> Self {
         let sun = Sun { direction, angle_deg: SUN_ANGLE_DEG };
-        Lighting { key: KeyLight::Sun(sun), sky: Sky::Plain, areas: Vec::new() }
+        Lighting { key: KeyLight::Sun(sun), sky: Sky::Plain, areas: Vec::new(), fill: 1.0 }
     }
 }
 
@@ -111,6 +116,7 @@ impl Sun {
             distance: f64::INFINITY,
             reflected: Self::REFLECTED * facing,
             spread: 2.0 * half,
+            lamp: DVec3::ZERO,
         })
     }
 }
@@ -129,7 +135,14 @@ impl AreaLight {
             direction,
             distance,
             reflected: self.radiance * (facing * seen / (std::f64::consts::PI * distance * distance)),
-            spread: self.edge_u.length().max(self.edge_v.length()) / distance,
+            // A strip is as wide as it is narrow, and as narrow as it looks from here.
+            spread: self
+                .edge_u
+                .reject_from(direction)
+                .length()
+                .min(self.edge_v.reject_from(direction).length())
+                / distance,
+            lamp: across.normalize_or_zero(),
         })
     }
 }
@@ -143,7 +156,13 @@ pub(super) fn sky_reflected(normal: DVec3, up: DVec3) -> DVec3 {
 /// One direction of the sky over a surface, as often as it counts there (evenly in cos^2).
 pub(super) fn sky_sample(normal: DVec3, reach: f64, up: DVec3, u: f64, v: f64) -> LightSample {
     let direction = around(normal, (1.0 - u).sqrt(), v);
-    LightSample { direction, distance: reach, reflected: sky_reflected(normal, up), spread: SKY_SPREAD }
+    LightSample {
+        direction,
+        distance: reach,
+        reflected: sky_reflected(normal, up),
+        spread: SKY_SPREAD,
+        lamp: DVec3::ZERO,
+    }
 }
 
 /// The sky itself, brighter towards the horizon.

@@ -36,6 +36,10 @@ use shade::{PixelTile, Shader, TILE, TileScratch};
 /// Rows rendered by one task.
 const ROWS_PER_TASK: u32 = 4;
 
+/// Version of what is rendered: another one wherever the same settings give other pixels, so that no picture is taken for the
+/// same and none is finished with rows of both.
+pub const PIXELS_VERSION: u32 = 1;
+
 /// How a picture is made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -99,10 +103,63 @@ pub struct Renderer<'a> {
     camera: &'a CameraRays,
 }
 
+impl RenderSettings {
+    /// What is wrong with them, if anything.
+    fn fault(&self) -> Option<String> {
+        let Lighting { key, sky, areas, fill } = &self.lighting;
+        if !(1..=MAX_SAMPLES).contains(&self.samples_per_pixel) {
+            return Some(format!(
+                "{} samples per pixel; expected 1 to {MAX_SAMPLES}",
+                self.samples_per_pixel
+            ));
+        }
+        if let Shadows::Hybrid { tolerance } = self.shadows
+            && !(0.0..=1.0).contains(&tolerance)
+        {
+            return Some(format!("a tolerance of {tolerance}; expected 0 to 1"));
+        }
+        if let KeyLight::Sun(Sun { direction, angle_deg }) = key
+            && !((0.0..180.0).contains(angle_deg) && direction.try_normalize().is_some())
+        {
+            return Some(format!("a sun at {direction}, {angle_deg} degrees wide; expected 0 to 180"));
+        }
+        if let Sky::Occluded { reach } = sky
+            && (reach.is_nan() || *reach <= 0.0)
+        {
+            return Some(format!("a sky occluded within {reach}; expected more than 0"));
+        }
+        let is_bad = |area: &AreaLight| {
+            let across = area.edge_u.cross(area.edge_v);
+            !(across.is_finite()
+                && across.length() > 0.0
+                && area.corner.is_finite()
+                && area.radiance.is_finite())
+        };
+        if let Some(area) = areas.iter().find(|area| is_bad(area)) {
+            return Some(format!("a rectangle without area or with endless numbers: {area:?}"));
+        }
+        if self.up.try_normalize().is_none() || !fill.is_finite() {
+            return Some(format!("up {} and fill {fill}; expected a direction and a number", self.up));
+        }
+        None
+    }
+}
+
 impl<'a> Renderer<'a> {
     /// For one picture.
+    ///
+    /// # Panics
+    ///
+    /// Settings that make no picture: samples, angles, lengths out of the ranges that they say, a zero direction.
     pub fn new(scene: &'a RenderScene<'a>, camera: &'a CameraRays, settings: &'a RenderSettings) -> Self {
+        let fault = settings.fault();
+        assert!(fault.is_none(), "cannot render with {}", fault.unwrap_or_default());
         Renderer { shader: Shader::new(scene, settings, camera), camera }
+    }
+
+    /// Samples of each pixel.
+    pub fn samples_per_pixel(&self) -> u32 {
+        self.shader.samples_per_pixel()
     }
 
     /// Renders some rows of the picture, and what their shadow rays took; `None` when cancelled. Uses all threads of the

@@ -1,34 +1,37 @@
 //! The numbers behind pixels' samples: Owen-scrambled Sobol points (Burley, "Practical Hash-based Owen Scrambling", 2020),
 //! another scrambling for each pixel.
 //!
-//! All samples of a pixel together are stratified in each pair of numbers that is used together; the same pixel, sample
-//! and seed give the same numbers wherever and in whatever order they are asked for.
+//! Each purpose takes the first two dimensions, which alone fill the square evenly at every power of four, under a scrambling
+//! and an order of its own (Burley's padding): the samples of a pixel are stratified for each light. The same pixel,
+//! sample and seed give the same numbers wherever and in whatever order they are asked for.
 
 /// Most samples of a pixel: the length of the sequence.
 pub const MAX_SAMPLES: u32 = 1 << 16;
 
-/// The sets of numbers that a sample takes, one for each purpose.
-#[derive(Clone, Copy)]
+/// The pairs of numbers that a sample takes, one for each purpose.
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
-    /// Where in the pixel; then where on the sun.
-    PixelAndSun,
+    /// Where in the pixel.
+    Pixel,
+    /// Where on the sun.
+    Sun,
     /// Where in the sky.
     Sky,
     /// Where on the shining rectangle of this number.
     Area(u32),
 }
 
-/// Numbers in `0..1` of one sample of a pixel.
-pub(super) fn numbers(column: u32, row: u32, sample: u32, seed: u32, purpose: Purpose) -> [f64; 4] {
-    let set = match purpose {
-        Purpose::PixelAndSun => 0,
-        Purpose::Sky => 1,
-        Purpose::Area(number) => 2 + number,
+/// Two numbers in `0..1` of one sample of a pixel, below [`MAX_SAMPLES`].
+pub(super) fn numbers(column: u32, row: u32, sample: u32, seed: u32, purpose: Purpose) -> (f64, f64) {
+    let purpose = match purpose {
+        Purpose::Pixel => 0,
+        Purpose::Sun => 1,
+        Purpose::Sky => 2,
+        Purpose::Area(number) => 3 + number,
     };
-    // Sets beyond the sequence's 64 are taken from another scrambling.
-    let (set, round) = (set % 64, set / 64);
-    let pixel_seed = hash(column, hash(row, hash(seed, round)));
-    sobol_burley::sample_4d(sample % MAX_SAMPLES, set, pixel_seed).map(f64::from)
+    let pixel_seed = hash(column, hash(row, hash(seed, purpose)));
+    let [x, y, ..] = sobol_burley::sample_4d(sample, 0, pixel_seed);
+    (f64::from(x), f64::from(y))
 }
 
 /// A well-mixed number from two (the finalizer of MurmurHash3 over their sum with an odd multiple).
@@ -44,26 +47,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sixteen_samples_fill_each_pair_of_numbers_evenly() {
-        for (pixel, purpose) in [(0, Purpose::PixelAndSun), (7, Purpose::Sky), (9, Purpose::Area(70))] {
-            let points: Vec<[f64; 4]> =
-                (0..16).map(|sample| numbers(pixel, 1000 - pixel, sample, 5, purpose)).collect();
-            assert!(points.iter().flatten().all(|x| (0.0..1.0).contains(x)));
-            for number in 0..4 {
-                let mut cells: Vec<u32> = points.iter().map(|p| (p[number] * 16.0) as u32).collect();
-                cells.sort_unstable();
-                assert_eq!(cells, (0..16).collect::<Vec<_>>(), "number {number} of pixel {pixel}");
+    fn samples_fill_the_square_evenly_for_every_purpose() {
+        for purpose in [Purpose::Pixel, Purpose::Sun, Purpose::Sky, Purpose::Area(0), Purpose::Area(70)] {
+            for side in [2usize, 4, 8, 16] {
+                let mut cells = vec![0; side * side];
+                for sample in 0..(side * side) as u32 {
+                    let (x, y) = numbers(7, 1000, sample, 5, purpose);
+                    assert!((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y));
+                    cells[(x * side as f64) as usize + (y * side as f64) as usize * side] += 1;
+                }
+                assert!(cells.iter().all(|&count| count == 1), "{purpose:?}, {side} x {side}: {cells:?}");
             }
         }
     }
 
     #[test]
-    fn neighbouring_pixels_and_other_seeds_take_other_points() {
-        let first = |column, row, seed| numbers(column, row, 0, seed, Purpose::PixelAndSun);
-        let mean = |of: &dyn Fn(u32) -> [f64; 4]| (0..4096).map(|i| of(i)[0]).sum::<f64>() / 4096.0;
+    fn neighbouring_pixels_other_purposes_and_other_seeds_take_other_points() {
+        let first = |column, row, seed| numbers(column, row, 0, seed, Purpose::Pixel);
+        let mean = |of: &dyn Fn(u32) -> (f64, f64)| (0..4096).map(|i| of(i).0).sum::<f64>() / 4096.0;
         assert!((mean(&|i| first(i, 0, 0)) - 0.5).abs() < 0.02);
         assert!((mean(&|i| first(0, i, 0)) - 0.5).abs() < 0.02);
         assert_ne!(first(3, 4, 0), first(4, 3, 0));
         assert_ne!(first(3, 4, 0), first(3, 4, 1));
+        // No purpose follows another.
+        let pairs =
+            (0..1024).map(|i| (numbers(5, 6, i, 0, Purpose::Pixel).0, numbers(5, 6, i, 0, Purpose::Sun).0));
+        let covariance = pairs.map(|(a, b)| (a - 0.5) * (b - 0.5)).sum::<f64>() / 1024.0;
+        assert!(covariance.abs() < 0.01, "{covariance}");
     }
 }

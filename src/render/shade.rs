@@ -21,8 +21,8 @@ use crate::visibility::{TileHits, TileTracer};
 /// Transparent layers blended along one ray; more are not told apart by the eye.
 const MAX_LAYERS: usize = 16;
 
-/// Rays to the sky that are collected before they are cast: the more, the more go about the same way.
-const SKY_RAYS: usize = 4096;
+/// Samples whose rays to the sky are collected before they are cast: the more, the more go about the same way.
+const SKY_SAMPLES: u32 = 64;
 
 /// Cells along each axis of the map of directions.
 const CELLS: f64 = 16.0;
@@ -114,19 +114,23 @@ impl<'a> Shader<'a> {
         }
     }
 
+    pub fn samples_per_pixel(&self) -> u32 {
+        self.settings.samples_per_pixel
+    }
+
     /// Renders the pixels of a tile, row by row.
     pub fn tile(&self, tile: &PixelTile, scratch: &mut TileScratch) -> Vec<FilmPixel> {
         let places: Vec<(u32, u32)> = tile.pixels().collect();
         let mut sums = vec![DVec3::ZERO; places.len()];
         let mut film = vec![FilmPixel::EMPTY; places.len()];
+        // What lies under a pixel is what its middle shows, whatever the samples.
+        self.see(&places, None, &mut vec![DVec3::ZERO; places.len()], scratch);
+        note_what_is_seen(&scratch.surfaces, &mut film);
         for sample in 0..self.settings.samples_per_pixel {
-            self.see(&places, sample, &mut sums, scratch);
-            if sample == 0 {
-                note_what_is_seen(&scratch.surfaces, &mut film);
-            }
+            self.see(&places, Some(sample), &mut sums, scratch);
             self.light(&places, sample, &mut sums, &mut film, scratch);
             let is_last = sample + 1 == self.settings.samples_per_pixel;
-            if is_last || scratch.waiting_for_sky.len() >= SKY_RAYS {
+            if is_last || (sample + 1).is_multiple_of(SKY_SAMPLES) {
                 self.cast_to_sky(&mut sums, &mut film, scratch);
             }
         }
@@ -136,21 +140,23 @@ impl<'a> Shader<'a> {
         film
     }
 
-    fn numbers(&self, (column, row): (u32, u32), sample: u32, purpose: Purpose) -> [f64; 4] {
+    fn numbers(&self, (column, row): (u32, u32), sample: u32, purpose: Purpose) -> (f64, f64) {
         numbers(column, row, sample, self.settings.seed, purpose)
     }
 
-    /// Finds what one sample of each pixel sees; where that is sky, adds it.
-    fn see(&self, places: &[(u32, u32)], sample: u32, sums: &mut [DVec3], scratch: &mut TileScratch) {
+    /// Finds what one sample of each pixel sees, or its middle; where that is sky, adds it.
+    fn see(&self, places: &[(u32, u32)], sample: Option<u32>, sums: &mut [DVec3], scratch: &mut TileScratch) {
         let TileScratch { rays, pixels, hits, surfaces, .. } = scratch;
         rays.clear();
         pixels.clear();
         surfaces.clear();
         for (pixel, &place) in places.iter().enumerate() {
             // A single sample goes to the middle.
-            let [x, y, ..] = match self.settings.samples_per_pixel {
-                1 => [0.5; 4],
-                _ => self.numbers(place, sample, Purpose::PixelAndSun),
+            let (x, y) = match sample {
+                Some(sample) if self.settings.samples_per_pixel > 1 => {
+                    self.numbers(place, sample, Purpose::Pixel)
+                }
+                _ => (0.5, 0.5),
             };
             let ray = self.camera.ray(f64::from(place.0) + x, f64::from(place.1) + y);
             match self.scene.query.filter.clipped(&ray) {
@@ -225,20 +231,20 @@ impl<'a> Shader<'a> {
             KeyLight::Headlight => return,
             KeyLight::None => {}
             KeyLight::Sun(sun) => self.kind(LightKind::Sun, sums, film, scratch, |surface| {
-                let [.., u, v] = self.numbers(places[surface.pixel], sample, Purpose::PixelAndSun);
+                let (u, v) = self.numbers(places[surface.pixel], sample, Purpose::Sun);
                 sun.sample(surface.normal, u, v)
             }),
         }
         for (number, area) in (0..).zip(&lighting.areas) {
             self.kind(LightKind::Area, sums, film, scratch, |surface| {
-                let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Area(number));
+                let (u, v) = self.numbers(places[surface.pixel], sample, Purpose::Area(number));
                 area.sample(surface.point, surface.normal, u, v)
             });
         }
         if let Sky::Occluded { reach } = lighting.sky {
             let TileScratch { surfaces, waiting_for_sky, .. } = scratch;
             self.collect(surfaces, sums, waiting_for_sky, |surface| {
-                let [u, v, ..] = self.numbers(places[surface.pixel], sample, Purpose::Sky);
+                let (u, v) = self.numbers(places[surface.pixel], sample, Purpose::Sky);
                 Some(sky_sample(surface.normal, reach, self.up, u, v))
             });
         }
@@ -259,15 +265,14 @@ impl<'a> Shader<'a> {
         if self.settings.lighting.key == KeyLight::Headlight {
             return DVec3::splat(0.12 + 0.88 * normal.dot(surface.to_eye).max(0.0));
         }
-        // A little light from the eye, so that shapes in the shade keep their form; and from the side, across the sun, so that
-        // walls at a right angle differ in the shade as well.
+        // From the side, across the sun: walls at a right angle differ in the shade as well.
         let eye = 0.14 * (-normal.dot(self.camera.forward())).max(0.0);
         let side = 0.10 * normal.dot(self.across).abs();
         let sky = match self.settings.lighting.sky {
             Sky::Plain => sky_reflected(normal, self.up),
             Sky::Occluded { .. } | Sky::None => DVec3::ZERO,
         };
-        sky + DVec3::splat(eye + side)
+        sky + DVec3::splat(self.settings.lighting.fill * (eye + side))
     }
 
     /// Adds the light of one kind: a sample of it for each surface, where nothing is in the way.
@@ -306,6 +311,7 @@ impl<'a> Shader<'a> {
                 normal: surface.normal,
                 direction: light.direction,
                 distance: light.distance,
+                lamp: light.lamp,
                 spread: light.spread,
             };
             waiting.push(Waiting { pixel: surface.pixel, light: reflected, ray });

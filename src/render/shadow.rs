@@ -9,6 +9,11 @@
 //! (|n.x| + |n.y| + |n.z|) (1 + 2/256) voxels above its surface has left all voxels of that plane behind: no acne on flat or
 //! convex surfaces, whatever the light's slope. Things lower than that above a surface cast no shadow on it: it leaks there.
 //!
+//! # Where they end
+//!
+//! A light may be drawn, too: a panel in a ceiling has triangles and voxels of its own. All rays end where they enter the voxels that
+//! touch the light's plane, by the same rule; what is nearer to a lamp than that does not darken it.
+//!
 //! # `hybrid`
 //!
 //! Voxels are larger than what is in them, by up to a diagonal. Seen from the receiver a diagonal s at distance t
@@ -61,6 +66,8 @@ pub(super) struct ShadowRay {
     pub direction: DVec3,
     /// How far away the light is; may be infinite.
     pub distance: f64,
+    /// Normal of the light's surface, length 1; zero where it has none.
+    pub lamp: DVec3,
     /// About the angle across the light, radians.
     pub spread: f64,
 }
@@ -120,25 +127,26 @@ impl<'a> ShadowTracer<'a> {
 
     /// World-space ray for triangles.
     fn exact_ray(&self, ray: &ShadowRay) -> Ray {
-        let t_max = ray.distance - self.exact_height;
-        Ray { t_max, ..Ray::new(ray.point + ray.normal * self.exact_height, ray.direction) }
+        let start = ray.point + ray.normal * self.exact_height;
+        Ray { t_max: self.end(ray), ..Ray::new(start, ray.direction) }
     }
 
-    /// Height above a surface at which all voxels of its plane are left behind.
+    /// Height above a plane at which all its voxels are left behind.
     fn voxel_height(&self, normal: DVec3) -> f64 {
         normal.abs().element_sum() * (1.0 + 2.0 / 256.0) * self.scene.grid.voxel_size
     }
 
-    /// Length of the way through the voxels of a light at its end.
-    fn lamp(&self, ray: &ShadowRay) -> f64 {
-        ray.direction.abs().element_sum() * self.scene.grid.voxel_size
+    /// Where a ray ends: before the voxels of the light itself.
+    fn end(&self, ray: &ShadowRay) -> f64 {
+        let facing = ray.lamp.dot(ray.direction).abs();
+        let own = if facing > 0.0 { self.voxel_height(ray.lamp) / facing } else { 0.0 };
+        ray.distance - own
     }
 
-    /// The ray for voxels: started above its own, and ended before those of the light. `None` when nothing is left of it.
+    /// The ray for voxels: started above those of its own surface. `None` when nothing is left of it.
     fn voxel_ray(&self, ray: &ShadowRay) -> Option<Ray> {
         let start = ray.point + ray.normal * self.voxel_height(ray.normal);
-        let t_max = ray.distance - self.lamp(ray);
-        self.scene.filter.clipped(&Ray { t_max, ..Ray::new(start, ray.direction) })
+        self.scene.filter.clipped(&Ray { t_max: self.end(ray), ..Ray::new(start, ray.direction) })
     }
 
     fn grid_ray(&self, ray: &Ray) -> GridRay {
@@ -185,10 +193,14 @@ impl<'a> ShadowTracer<'a> {
         let filter = self.scene.filter;
         // From here on voxels decide; never where the light has no size.
         let diagonal = 3f64.sqrt() * self.scene.grid.voxel_size;
-        let fine = |ray: &ShadowRay| diagonal / (tolerance * ray.spread);
+        // Nor where the ray is still in the voxels of its own surface.
+        let fine = |ray: &ShadowRay| {
+            let own = self.voxel_height(ray.normal) / ray.normal.dot(ray.direction).max(f64::MIN_POSITIVE);
+            (diagonal / (tolerance * ray.spread)).max(own)
+        };
         // The far part first: it is quick, and what it stops needs no triangles.
         let far = rays.iter().enumerate().filter_map(|(i, ray)| {
-            let far = Ray { t_min: fine(ray), t_max: ray.distance - self.lamp(ray), ..self.exact_ray(ray) };
+            let far = Ray { t_min: fine(ray), ..self.exact_ray(ray) };
             (far.t_min < far.t_max).then(|| filter.clipped(&far)).flatten().map(|far| (i, far))
         });
         self.meet_voxels(far, scratch);
@@ -197,9 +209,7 @@ impl<'a> ShadowTracer<'a> {
         near.clear();
         near.extend(rays.iter().enumerate().filter(|(i, _)| stopped >> i & 1 == 0).filter_map(|(i, ray)| {
             let whole = self.exact_ray(ray);
-            // Voxels of the light itself decide nothing.
-            let t_max = if fine(ray) < ray.distance - self.lamp(ray) { fine(ray) } else { whole.t_max };
-            filter.clipped(&Ray { t_max, ..whole }).map(|ray| (i, ray))
+            filter.clipped(&Ray { t_max: fine(ray).min(whole.t_max), ..whole }).map(|ray| (i, ray))
         }));
         stopped |= if coherent {
             self.stopped_by_triangles(&near, scratch)

@@ -5,11 +5,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use exr::block::UncompressedBlock;
+use exr::block::reader::ChunksReader;
 use exr::block::writer::ChunksWriter;
 use exr::compression::Compression;
+use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
-use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::f16;
 
 use super::{BLOCK_ROWS, Film, Fingerprint, KEYWORD, open};
@@ -100,10 +101,13 @@ pub(super) fn write(
     }
 }
 
-/// The text under our keyword.
+/// The text under our keyword, of a file that was not cut short.
 pub(super) fn keyword(path: &Path) -> Option<String> {
-    let meta = MetaData::read_from_buffered(open(path)?, false).ok()?;
-    let header = meta.headers.first()?;
+    let whole = exr::block::read(open(path)?, false).ok()?.all_chunks(false).ok()?;
+    let header = whole.headers().first()?.clone();
+    for chunk in whole {
+        chunk.ok()?;
+    }
     match header.own_attributes.other.get(&Text::from(KEYWORD))? {
         AttributeValue::Text(text) => Some(text.to_string()),
         _ => None,

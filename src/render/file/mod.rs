@@ -1,9 +1,9 @@
 //! Pictures into files, rows at a time: a picture may be larger than memory.
 //!
-//! Rows are rendered in bands and kept, as they will stand in the file, in a *part file* beside it (`.NAME.part`). When all
-//! are there they are encoded, and the picture appears under its name at once. A job that was stopped or killed goes on after
-//! its last whole band when the same picture is asked for again; a finished picture of the same scene and settings is left as
-//! it is. Both are known by a fingerprint, which the picture carries.
+//! Rows are rendered in bands and kept, as they will stand in the file, in a *part file* beside it
+//! (`.NAME.FINGERPRINT.part`). When all are there they are encoded, and the picture appears under its name at once. A job that
+//! was stopped or killed goes on after its last whole band when the same picture is asked for again; a finished picture of the
+//! same scene and settings is left as it is. Both are known by a fingerprint, which the picture carries.
 
 mod exr;
 mod part;
@@ -14,13 +14,17 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::shade::TILE;
 use super::{Film, Renderer, ShadowCost};
 use crate::atomic_file::AtomicFile;
 use crate::progress::Progress;
 use part::PartFile;
 
-/// Pixels of a band, about.
-const BAND_PIXELS: u32 = 1 << 20;
+/// Pixels of a band, at most, but for one row of tiles: what is in memory.
+const BAND_PIXELS: u64 = 1 << 20;
+
+/// Samples of a band, about: what an interrupted job loses.
+const BAND_SAMPLES: u64 = 1 << 24;
 
 /// Rows that are encoded together: OpenEXR compresses 16 at a time.
 const BLOCK_ROWS: u32 = 16;
@@ -81,6 +85,9 @@ pub enum PictureError {
     /// Another process makes the same picture.
     #[error("{0}: another process is rendering it")]
     Busy(PathBuf),
+    /// Where the part file should be is a file of somebody else.
+    #[error("{0}: expected a part file of an unfinished picture, found something else: move it away")]
+    Foreign(PathBuf),
     /// A file.
     #[error("{path}: cannot {doing}: {source}")]
     Io {
@@ -119,7 +126,7 @@ impl Format {
         }
     }
 
-    /// The fingerprint of a picture that is there; `None` when there is none, or one of other make.
+    /// The fingerprint of a picture that is there, whole; `None` when there is none, or one of other make.
     fn fingerprint_of(self, path: &Path) -> Option<Fingerprint> {
         // Whatever cannot be read is not the picture, and is replaced like any other file.
         let text = match self {
@@ -147,12 +154,21 @@ pub fn render_to_file(
     let (width, height) = renderer.camera.size();
     // The format is part of what tells pictures apart.
     let fingerprint = Fingerprint(fingerprint.0 ^ format as u128);
-    if format.fingerprint_of(path) == Some(fingerprint) {
+    let is_finished = || format.fingerprint_of(path) == Some(fingerprint);
+    let before = || {
         progress.advance(u64::from(width) * u64::from(height));
-        return Ok(Written::Before);
+        Ok(Written::Before)
+    };
+    if is_finished() && !PartFile::is_there(path, fingerprint) {
+        return before();
     }
-    let band_rows = (BAND_PIXELS / width).next_multiple_of(super::shade::TILE).max(super::shade::TILE);
+    let band_rows = band_rows(width, renderer.samples_per_pixel());
     let mut part = PartFile::open(path, fingerprint, [width, height, band_rows], format.row_bytes(width))?;
+    // Another process may have finished it meanwhile, or an earlier one was killed just before it cleaned up.
+    if is_finished() {
+        part.remove()?;
+        return before();
+    }
     let resumed_rows = part.rows();
     progress.advance(u64::from(width) * u64::from(resumed_rows));
     let mut cost = ShadowCost::default();
@@ -166,16 +182,32 @@ pub fn render_to_file(
         part.append(&format.encode(&film, object_of))?;
     }
     let file = AtomicFile::create(path).map_err(PictureError::io(path, "write"))?;
-    let mut rows = |range: Range<u32>| part.read(range);
+    let mut rows = |range: Range<u32>| match progress.is_cancelled() {
+        true => Err(io::ErrorKind::Interrupted.into()),
+        false => part.read(range),
+    };
     let file = match format {
         Format::Png8 => png::write(file, [width, height], ::png::BitDepth::Eight, fingerprint, &mut rows),
         Format::Png16 => png::write(file, [width, height], ::png::BitDepth::Sixteen, fingerprint, &mut rows),
         Format::Exr => exr::write(file, [width, height], fingerprint, &mut rows),
     };
-    let file = file.map_err(PictureError::io(path, "write"))?;
+    let file = match file {
+        Err(_) if progress.is_cancelled() => {
+            return Err(PictureError::Stopped { path: path.to_owned(), done: height, rows: height });
+        }
+        file => file.map_err(PictureError::io(path, "write"))?,
+    };
     file.commit().map_err(|error| PictureError::io(path, "write")(error.into()))?;
     part.remove()?;
     Ok(Written::New { resumed_rows, cost })
+}
+
+/// Rows of a band: whole tiles.
+fn band_rows(width: u32, samples_per_pixel: u32) -> u32 {
+    let pixels = (BAND_SAMPLES / u64::from(samples_per_pixel)).min(BAND_PIXELS);
+    // At most 2^20, and one tile's at least.
+    let rows = (pixels / u64::from(width)) as u32;
+    (rows / TILE * TILE).max(TILE)
 }
 
 /// Opens a file for reading, if it is there.

@@ -35,20 +35,33 @@ impl PartFile {
         size: [u32; 3],
         row_bytes: usize,
     ) -> Result<Self, PictureError> {
-        let path = part_path(picture);
-        let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-        let file = file.map_err(PictureError::io(&path, "open"))?;
-        match file.try_lock() {
-            // Where locks are not supported nobody is kept from anything.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
-            Err(TryLockError::WouldBlock) => return Err(PictureError::Busy(picture.to_owned())),
-        }
+        let path = part_path(picture, fingerprint);
+        let file = loop {
+            let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+            let file = file.map_err(PictureError::io(&path, "open"))?;
+            match file.try_lock() {
+                // Where locks are not supported nobody is kept from anything.
+                Ok(()) | Err(TryLockError::Error(_)) => {}
+                Err(TryLockError::WouldBlock) => return Err(PictureError::Busy(picture.to_owned())),
+            }
+            // Whoever had the lock may have removed the file before it was ours.
+            if is_at(&file, &path) {
+                break file;
+            }
+        };
         let [_, height, band_rows] = size;
         let mut part = PartFile { path, file, height, band_rows, row_bytes, rows: 0 };
         let header = header(fingerprint, size, row_bytes);
         let begun = part.resume(&header);
-        begun.map_err(PictureError::io(&part.path, "read"))?;
-        Ok(part)
+        match begun.map_err(PictureError::io(&part.path, "read"))? {
+            true => Ok(part),
+            false => Err(PictureError::Foreign(part.path)),
+        }
+    }
+
+    /// Is there a part file of this picture?
+    pub fn is_there(picture: &Path, fingerprint: Fingerprint) -> bool {
+        part_path(picture, fingerprint).exists()
     }
 
     /// Whole rows that are there.
@@ -56,14 +69,20 @@ impl PartFile {
         self.rows
     }
 
-    /// Takes over what is there, if it is of this picture, up to the last whole band.
-    fn resume(&mut self, header: &[u8]) -> io::Result<()> {
+    /// Takes over what is there, if it is of this picture, up to the last whole band. Returns false, and leaves everything as
+    /// it is, when it is no part file.
+    fn resume(&mut self, header: &[u8]) -> io::Result<bool> {
         let mut found = Vec::new();
         (&self.file).take(HEADER_BYTES).read_to_end(&mut found)?;
         if found != header {
+            // Begun by a job that was killed at once, or by a version of the program with other bands.
+            if !found.is_empty() && !found.starts_with(&MAGIC) {
+                return Ok(false);
+            }
             self.file.set_len(0)?;
             self.file.seek(SeekFrom::Start(0))?;
-            return self.file.write_all(header);
+            self.file.write_all(header)?;
+            return Ok(true);
         }
         while self.rows < self.height {
             let rows = self.band_rows.min(self.height - self.rows) as usize;
@@ -79,7 +98,8 @@ impl PartFile {
             }
             self.rows += rows as u32;
         }
-        self.file.set_len(self.offset(self.rows))
+        self.file.set_len(self.offset(self.rows))?;
+        Ok(true)
     }
 
     /// Where a band that begins with this row lies.
@@ -120,12 +140,29 @@ impl PartFile {
     }
 }
 
-/// `.NAME.part`, beside the picture.
-fn part_path(picture: &Path) -> PathBuf {
+/// `.NAME.FINGERPRINT.part`, beside the picture: with other settings it is another file, and nothing is lost.
+fn part_path(picture: &Path, fingerprint: Fingerprint) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(picture.file_name().unwrap_or_default());
-    name.push(".part");
+    name.push(format!(".{}.part", &fingerprint.text()[..8]));
     picture.with_file_name(name)
+}
+
+/// Is the opened file the one that is at the path?
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
+    match (file.metadata(), std::fs::metadata(path)) {
+        (Ok(opened), Ok(there)) => identity(opened) == identity(there),
+        _ => false,
+    }
+}
+
+/// Is the opened file the one that is at the path? An opened file cannot be removed here.
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> bool {
+    true
 }
 
 fn header(fingerprint: Fingerprint, size: [u32; 3], row_bytes: usize) -> Vec<u8> {

@@ -1,6 +1,6 @@
 //! PNG.
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
@@ -48,8 +48,18 @@ pub(super) fn write(
     file.into_inner().map_err(io::IntoInnerError::into_error)
 }
 
-/// The text under our keyword.
+/// The last bytes of a whole file: the chunk IEND.
+const END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
+
+/// The text under our keyword, of a file that was not cut short.
 pub(super) fn keyword(path: &Path) -> Option<String> {
+    let mut end = [0; END.len()];
+    let mut file = open(path)?;
+    file.seek(SeekFrom::End(-(END.len() as i64))).ok()?;
+    file.read_exact(&mut end).ok()?;
+    if end != END {
+        return None;
+    }
     let reader = Decoder::new(open(path)?).read_info().ok()?;
     let texts = &reader.info().uncompressed_latin1_text;
     texts.iter().find(|text| text.keyword == KEYWORD).map(|text| text.text.clone())
