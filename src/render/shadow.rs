@@ -128,7 +128,7 @@ impl<'a> ShadowTracer<'a> {
     /// World-space ray for triangles.
     fn exact_ray(&self, ray: &ShadowRay) -> Ray {
         let start = ray.point + ray.normal * self.exact_height;
-        Ray { t_max: self.end(ray), ..Ray::new(start, ray.direction) }
+        Ray { t_max: self.end(ray, self.exact_height), ..Ray::new(start, ray.direction) }
     }
 
     /// Height above a plane at which all its voxels are left behind.
@@ -136,17 +136,22 @@ impl<'a> ShadowTracer<'a> {
         normal.abs().element_sum() * (1.0 + 2.0 / 256.0) * self.scene.grid.voxel_size
     }
 
-    /// Where a ray ends: before the voxels of the light itself.
-    fn end(&self, ray: &ShadowRay) -> f64 {
-        let facing = ray.lamp.dot(ray.direction).abs();
-        let own = if facing > 0.0 { self.voxel_height(ray.lamp) / facing } else { 0.0 };
-        ray.distance - own
+    /// Where a ray that starts at this height above its surface ends: before the voxels of the light itself.
+    fn end(&self, ray: &ShadowRay, height: f64) -> f64 {
+        let facing = ray.lamp.dot(ray.direction);
+        if facing == 0.0 {
+            return ray.distance;
+        }
+        // Lifted, it is nearer to the light's plane, or farther, all along.
+        let nearer = height * ray.normal.dot(ray.lamp) * facing.signum();
+        ray.distance - (nearer + self.voxel_height(ray.lamp)) / facing.abs()
     }
 
     /// The ray for voxels: started above those of its own surface. `None` when nothing is left of it.
     fn voxel_ray(&self, ray: &ShadowRay) -> Option<Ray> {
-        let start = ray.point + ray.normal * self.voxel_height(ray.normal);
-        self.scene.filter.clipped(&Ray { t_max: self.end(ray), ..Ray::new(start, ray.direction) })
+        let height = self.voxel_height(ray.normal);
+        let start = ray.point + ray.normal * height;
+        self.scene.filter.clipped(&Ray { t_max: self.end(ray, height), ..Ray::new(start, ray.direction) })
     }
 
     fn grid_ray(&self, ray: &Ray) -> GridRay {
