@@ -76,6 +76,7 @@ pub(super) struct ShadowRay {
 #[derive(Default)]
 pub(super) struct ShadowScratch {
     packet: RayPacket,
+    grid_rays: Vec<GridRay>,
     triangles: TriangleRays,
     asked: Asked,
     /// Which of the caller's rays those of the packet are.
@@ -166,16 +167,17 @@ impl<'a> ShadowTracer<'a> {
 
     /// Casts numbered rays against the voxels: which are stopped.
     fn meet_voxels(&self, rays: impl Iterator<Item = (usize, Ray)>, scratch: &mut ShadowScratch) {
-        let ShadowScratch { packet, numbers, stopped, .. } = scratch;
+        let ShadowScratch { packet, grid_rays, numbers, stopped, .. } = scratch;
         numbers.clear();
-        packet.fill(rays.map(|(number, ray)| {
+        grid_rays.clear();
+        for (number, ray) in rays {
             numbers.push(number);
-            self.grid_ray(&ray)
-        }));
+            grid_rays.push(self.grid_ray(&ray));
+        }
         let QueryScene { exact, filter, owners, dag, .. } = self.scene;
         let casts = |owner: u32| !exact.is_transparent(owner) && !filter.is_hidden(owner);
         *stopped = 0;
-        RayCaster::new(dag).cast_packet(packet, |ray: usize, hit: &VoxelHit| {
+        let visit = |ray: usize, hit: &VoxelHit| {
             // Glass casts no shadow: only a voxel with an opaque owner stops the light.
             let opaque = self.all_cast
                 || owners.of_brick(hit.brick_ordinal(), hit.brick_mask()).of_voxel(hit.bit()).any(casts);
@@ -184,7 +186,15 @@ impl<'a> ShadowTracer<'a> {
             }
             *stopped |= 1 << numbers[ray];
             Next::End
-        });
+        };
+        let caster = RayCaster::new(dag);
+        if spacing(grid_rays) > VOXELS_BETWEEN_RAYS {
+            // Rays far apart share too little to go as a packet.
+            caster.cast_batch(grid_rays, visit);
+        } else {
+            packet.fill(grid_rays.iter().copied());
+            caster.cast_packet(packet, visit);
+        }
     }
 
     /// Voxels where they are fine enough, triangles before.
@@ -265,5 +275,13 @@ impl<'a> ShadowTracer<'a> {
             });
         }
         rays.iter().enumerate().fold(0, |bits, (i, &(number, _))| bits | (!waiting >> i & 1) << number)
+    }
+}
+
+/// How far apart rays of a tile start, by and large: from the first to the last is its diagonal.
+fn spacing(rays: &[GridRay]) -> f64 {
+    match (rays.first(), rays.last()) {
+        (Some(first), Some(last)) => (last.origin - first.origin).length() / (2.0 * rays.len() as f64).sqrt(),
+        _ => 0.0,
     }
 }
