@@ -180,22 +180,24 @@ impl ExactScene {
 
     /// Does a ray meet one drawable anywhere?
     fn meets(&self, drawable: u32, ray: &Ray) -> bool {
+        let (part_ray, chunk) = self.in_part(drawable, ray);
+        chunk.any(&part_ray, ray.t_min, ray.t_max)
+    }
+
+    /// A ray in the space of a drawable's part, and the chunk there.
+    fn in_part(&self, drawable: u32, ray: &Ray) -> (PartRay, &ChunkBvh) {
         let placed = &self.instances[drawable as usize];
         let part_ray = PartRay {
             origin: placed.part_from_world.transform_point3(ray.origin),
             direction: placed.part_from_world.transform_vector3(ray.direction),
         };
-        self.chunks[placed.chunk as usize].any(&part_ray, ray.t_min, ray.t_max)
+        (part_ray, &self.chunks[placed.chunk as usize])
     }
 
     /// The nearest hit with one drawable.
     pub fn closest_of(&self, drawable: u32, ray: &Ray) -> Option<TriangleHit> {
-        let placed = &self.instances[drawable as usize];
-        let part_ray = PartRay {
-            origin: placed.part_from_world.transform_point3(ray.origin),
-            direction: placed.part_from_world.transform_vector3(ray.direction),
-        };
-        let (t, triangle) = self.chunks[placed.chunk as usize].closest(&part_ray, ray.t_min, ray.t_max)?;
+        let (part_ray, chunk) = self.in_part(drawable, ray);
+        let (t, triangle) = chunk.closest(&part_ray, ray.t_min, ray.t_max)?;
         Some(TriangleHit { t, drawable, triangle })
     }
 

@@ -160,13 +160,8 @@ impl ExactScene {
                 }
                 continue;
             }
-            let (left, right) = (node.first_index, node.first_index + 1);
-            let left_first = packet.world.comes_first(
-                rays.trailing_zeros() as usize,
-                &self.top.nodes[left as usize],
-                &self.top.nodes[right as usize],
-            );
-            let (near, far) = if left_first { (left, right) } else { (right, left) };
+            let first_ray = rays.trailing_zeros() as usize;
+            let (near, far) = packet.world.in_order(first_ray, &self.top.nodes, node.first_index);
             stack.push((far, rays));
             stack.push((near, rays));
         }
@@ -228,13 +223,7 @@ fn closest<S: Simd>(
             }
             continue;
         }
-        let (left, right) = (node.first_index, node.first_index + 1);
-        let left_first = lanes.comes_first(
-            rays.trailing_zeros() as usize,
-            &chunk.bvh.nodes[left as usize],
-            &chunk.bvh.nodes[right as usize],
-        );
-        let (near, far) = if left_first { (left, right) } else { (right, left) };
+        let (near, far) = lanes.in_order(rays.trailing_zeros() as usize, &chunk.bvh.nodes, node.first_index);
         stack.push((far, rays));
         stack.push((near, rays));
     }
@@ -354,16 +343,16 @@ impl BoxLanes {
         found & rays
     }
 
-    /// Does the ray meet the first of two boxes before the other, by and large?
+    /// Two nodes side by side, from `left` on: which of them the ray meets before the other, by and large.
     #[inline(always)]
-    fn comes_first(&self, ray: usize, first: &Bvh2Node, second: &Bvh2Node) -> bool {
-        let (first, second) = (first.aabb(), second.aabb());
+    fn in_order(&self, ray: usize, nodes: &[Bvh2Node], left: u32) -> (u32, u32) {
+        let (first, second) = (nodes[left as usize].aabb(), nodes[left as usize + 1].aabb());
         let apart = ((second.min + second.max) - (first.min + first.max)).to_array();
         let mut along = 0.0;
         for k in 0..3 {
             along += f64::from(apart[k]) * self.direction[k][ray];
         }
-        along >= 0.0
+        if along >= 0.0 { (left, left + 1) } else { (left + 1, left) }
     }
 
     /// Tests `rays` against a triangle. Returns those that meet it no farther than at their `t`, which becomes that.

@@ -15,9 +15,9 @@ pub const NOBODY: u32 = u32::MAX;
 pub struct FilmPixel {
     /// Mean over the samples, linear RGB, not clipped.
     pub colour: [f32; 3],
-    /// Depth along the view of what the first sample meets, world units; infinite where there is nothing.
+    /// Depth along the view of what the pixel's middle shows, world units; infinite where there is nothing.
     pub depth: f32,
-    /// The drawable that it meets, transparent or not; [`NOBODY`] where there is nothing.
+    /// The drawable that it shows, transparent or not; [`NOBODY`] where there is nothing.
     pub drawable: u32,
     /// Its normal, world space, on the side that is seen, length 1; zero where there is nothing.
     pub normal: [f32; 3],

@@ -124,18 +124,25 @@ impl<'a> Shader<'a> {
         let mut sums = vec![DVec3::ZERO; places.len()];
         let mut film = vec![FilmPixel::EMPTY; places.len()];
         // What lies under a pixel is what its middle shows, whatever the samples.
-        self.see(&places, None, &mut vec![DVec3::ZERO; places.len()], scratch);
-        note_what_is_seen(&scratch.surfaces, &mut film);
-        for sample in 0..self.settings.samples_per_pixel {
-            self.see(&places, Some(sample), &mut sums, scratch);
+        let samples = self.settings.samples_per_pixel;
+        if samples > 1 {
+            self.see(&places, None, &mut vec![DVec3::ZERO; places.len()], scratch);
+            note_what_is_seen(&scratch.surfaces, &mut film);
+        }
+        for sample in 0..samples {
+            // A single sample goes to the middle itself.
+            self.see(&places, (samples > 1).then_some(sample), &mut sums, scratch);
+            if samples == 1 {
+                note_what_is_seen(&scratch.surfaces, &mut film);
+            }
             self.light(&places, sample, &mut sums, &mut film, scratch);
-            let is_last = sample + 1 == self.settings.samples_per_pixel;
+            let is_last = sample + 1 == samples;
             if is_last || (sample + 1).is_multiple_of(SKY_SAMPLES) {
                 self.cast_to_sky(&mut sums, &mut film, scratch);
             }
         }
         for (pixel, sum) in film.iter_mut().zip(sums) {
-            pixel.colour = to_f32(sum / f64::from(self.settings.samples_per_pixel));
+            pixel.colour = to_f32(sum / f64::from(samples));
         }
         film
     }
@@ -151,13 +158,7 @@ impl<'a> Shader<'a> {
         pixels.clear();
         surfaces.clear();
         for (pixel, &place) in places.iter().enumerate() {
-            // A single sample goes to the middle.
-            let (x, y) = match sample {
-                Some(sample) if self.settings.samples_per_pixel > 1 => {
-                    self.numbers(place, sample, Purpose::Pixel)
-                }
-                _ => (0.5, 0.5),
-            };
+            let (x, y) = sample.map_or((0.5, 0.5), |sample| self.numbers(place, sample, Purpose::Pixel));
             let ray = self.camera.ray(f64::from(place.0) + x, f64::from(place.1) + y);
             match self.scene.query.filter.clipped(&ray) {
                 Some(ray) => {

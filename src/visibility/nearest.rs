@@ -120,7 +120,6 @@ impl<'a> TileTracer<'a> {
         state.asked.begin(self.scene.exact.drawable_count());
         state.through.clear();
         state.opaque = [NOBODY; PACKET_RAYS];
-        packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
         triangles.fill(self.scene.exact, rays);
         for (i, ray) in rays.iter().enumerate() {
             state.t[i] = ray.t_max;
@@ -132,6 +131,7 @@ impl<'a> TileTracer<'a> {
             });
             return;
         }
+        packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
         RayCaster::new(self.scene.dag)
             .cast_bricks(packet, |brick, ends| self.meet(state, triangles, brick, ends));
     }
