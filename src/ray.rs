@@ -27,3 +27,14 @@ impl Ray {
         self.origin + t * self.direction
     }
 }
+
+/// How far apart neighbours are among points scattered over a square, by and large.
+///
+/// n points whose neighbours are s apart fill a square of side s sqrt(n), in which their mean squared distance from the middle is
+/// s^2 n / 6.
+pub(crate) fn spacing_of(points: impl ExactSizeIterator<Item = DVec3> + Clone) -> f64 {
+    let count = points.len().max(1) as f64;
+    let middle = points.clone().sum::<DVec3>() / count;
+    let scatter = points.map(|point| point.distance_squared(middle)).sum::<f64>() / count;
+    (6.0 * scatter / count).sqrt()
+}

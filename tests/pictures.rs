@@ -15,8 +15,8 @@ use glam::DVec3;
 use voxsight::camera::{Camera, CameraRays};
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::{Progress, Silent};
-use voxsight::render::file::{Fingerprint, Format, PictureError, Written, render_to_file};
-use voxsight::render::{Film, Lighting, NOBODY, RenderSettings, Renderer, Shadows};
+use voxsight::render::file::{Fingerprint, Format, PictureError, Written, depth_range, render_to_file};
+use voxsight::render::{Film, Lighting, NOBODY, RenderSettings, Renderer, Shadows, id_colour};
 
 struct Sample {
     folder: tempfile::TempDir,
@@ -112,6 +112,39 @@ fn files_hold_the_pixels_that_were_rendered() {
         seen += u32::from(id != NOBODY);
     }
     assert!(seen > 150, "{seen}");
+}
+
+#[test]
+fn ids_and_depths_are_what_a_click_on_each_pixel_would_find() {
+    let mut sample = Sample::new();
+    sample.settings = RenderSettings::middles(DVec3::Y);
+    // Several bands.
+    let camera = Sample::camera(20_000, 120);
+    let picture = sample.loaded.picture();
+    let range = depth_range(&Renderer::new(&picture, &camera, &sample.settings), &Silent).unwrap();
+    for (name, format) in [("ids.png", Format::Ids), ("depth.png", Format::Depth(range))] {
+        let stop = StopAfter { pixels: 20_000 * 60, done: AtomicU64::new(0) };
+        let stopped = sample.write(&camera, name, format, &stop).unwrap_err();
+        assert!(matches!(stopped, PictureError::Stopped { done: 1.., .. }), "{stopped}");
+        let written = sample.write(&camera, name, format, &Silent).unwrap();
+        assert!(matches!(written, Written::New { resumed_rows: 1.., .. }), "{written:?}");
+    }
+    let ids = image::open(sample.path("ids.png")).unwrap().into_rgb8();
+    let depths = image::open(sample.path("depth.png")).unwrap().into_luma16();
+    let (near, far) = (f64::from(range.near), f64::from(range.far));
+    assert!(near > 1.0 && far > near, "{range:?}");
+    let (query, mut seen) = (sample.loaded.query(), 0);
+    for (x, y) in (0..120).flat_map(|y| (9_900..10_100).map(move |x| (x, y))) {
+        let ray = camera.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let hit = query.exact.closest(&ray, query.filter);
+        let id = hit.map_or([0; 3], |hit| id_colour(sample.loaded.scene().drawable_object(hit.drawable)));
+        assert_eq!(ids.get_pixel(x, y).0, id, "{x}, {y}");
+        let grey = hit.map_or(0.0, |hit| 1.0 + (hit.t - near) / (far - near) * 65_534.0);
+        let found = f64::from(depths.get_pixel(x, y).0[0]);
+        assert!((found - grey).abs() < 0.6, "{x}, {y}: {found}, expected {grey}");
+        seen += u32::from(hit.is_some());
+    }
+    assert!(seen > 500, "{seen}");
 }
 
 /// Stops when so many pixels are done.
@@ -369,5 +402,11 @@ fn the_render_farm_template_passes_and_runs() {
     parameters.iter().for_each(|parameter| args.extend(["-p", parameter]));
     let (passed, told) = run(&args);
     assert!(passed, "{told}");
-    assert_eq!(frames(&sample.path("farm")).len(), 10, "{told}");
+    // The farm's frames are those of one run.
+    std::fs::create_dir(sample.path("one")).unwrap();
+    let output = file("one/frame-{frame}.png");
+    ok(&["render", &file("scene.vxs"), "--path", &file("path.json"), "--spp", "1", "-q", "-o", &output]);
+    let farm = frames(&sample.path("farm"));
+    assert_eq!(farm.len(), 10, "{told}");
+    assert!(farm == frames(&sample.path("one")), "a farm renders other frames");
 }

@@ -17,10 +17,10 @@ use crate::camera::Camera;
 use crate::lab::keyframes::CameraPath;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
-use crate::render::file::{Fingerprint, Format, Written, render_to_file};
+use crate::render::file::{Fingerprint, Format, Written, depth_range, render_to_file};
 use crate::render::{
-    AreaLight, KeyLight, LightKind, Lighting, MAX_SAMPLES, PIXELS_VERSION, RenderSettings, Renderer,
-    SUN_ANGLE_DEG, ShadowCost, Shadows, Sky, Sun, render_depth, render_ids,
+    AreaLight, DepthRange, KeyLight, LightKind, Lighting, MAX_SAMPLES, PIXELS_VERSION, RenderSettings,
+    Renderer, SUN_ANGLE_DEG, ShadowCost, Shadows, Sky, Sun,
 };
 use crate::scene::Scene;
 
@@ -270,36 +270,39 @@ impl Render {
         let loaded = LoadedScene::new(scene, progress)?;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         const STOPPED: &str = "stopped; nothing was written";
-        if self.depth || self.ids {
-            progress.stage("render", pixels, "pixels");
-        }
-        if self.depth {
-            let depth = render_depth(&loaded.picture(), &rays, progress).ok_or(STOPPED)?;
-            progress.finish();
-            print_out!(
-                "depth 1 = {}, 65535 = {} {}",
-                depth.near,
-                depth.far,
-                loaded.scene().meta().settings.unit
-            )?;
-            return write_png(output, &depth.image);
-        }
-        if self.ids {
-            let image = render_ids(&loaded.picture(), &rays, |d| loaded.scene().drawable_object(d), progress);
-            progress.finish();
-            return write_png(output, &image.ok_or(STOPPED)?);
-        }
+        let picture = loaded.picture();
+        let renderer = Renderer::new(&picture, &rays, &settings);
+        let format = if self.depth {
+            progress.stage("range of depths", pixels, "pixels");
+            let range = depth_range(&renderer, progress).ok_or(STOPPED)?;
+            let DepthRange { near, far } = range;
+            let unit = &loaded.scene().meta().settings.unit;
+            let told = match near <= far {
+                true => format!("depth 1 = {near}, 65535 = {far} {unit}"),
+                false => "the picture shows nothing".to_owned(),
+            };
+            match output == Path::new("-") {
+                // The picture itself goes there.
+                true => eprintln!("{told}"),
+                false => print_out!("{told}")?,
+            }
+            Format::Depth(range)
+        } else {
+            format
+        };
         progress.stage("render", pixels, "pixels");
         if is_stream(output) {
-            if format != Format::Png8 {
-                return Err("to stdout, pipes and devices goes PNG with 8 bits; name a file for more".into());
-            }
             // Nothing to go on from later: the whole picture at once.
-            let (film, _) = Renderer::new(&loaded.picture(), &rays, &settings)
-                .rows(0..camera.height, progress)
-                .ok_or(STOPPED)?;
+            let (film, _) = renderer.rows(0..camera.height, progress).ok_or(STOPPED)?;
             progress.finish();
-            return write_png(output, &film.to_rgb8());
+            return match format {
+                Format::Png8 => write_png(output, &film.to_rgb8()),
+                Format::Ids => write_png(output, &film.to_ids(|d| loaded.scene().drawable_object(d))),
+                Format::Depth(range) => write_png(output, &film.to_depths(range)),
+                Format::Png16 | Format::Exr => {
+                    Err("to stdout, pipes and devices goes PNG with 8 bits; name a file for more".into())
+                }
+            };
         }
         let written = self.picture(&loaded, &camera, &settings, (output, format), progress)?;
         progress.finish();
@@ -342,12 +345,19 @@ impl Render {
             return Ok(Format::Exr);
         }
         check_output(output, "png")?;
-        if self.bits == "16" { Ok(Format::Png16) } else { Ok(Format::Png8) }
+        Ok(match self.bits.as_str() {
+            _ if self.ids => Format::Ids,
+            "16" => Format::Png16,
+            _ => Format::Png8,
+        })
     }
 
     fn settings(&self, scene: &Scene) -> Result<RenderSettings, Failure> {
         let settings = &scene.meta().settings;
         let up = settings.up.unit();
+        if self.ids || self.depth {
+            return Ok(RenderSettings::middles(up));
+        }
         let metres = super::numbers::metres_of_unit(&settings.unit)
             .ok_or_else(|| format!("the scene's unit \"{}\" is not known", settings.unit))?;
         Ok(RenderSettings {

@@ -21,7 +21,7 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use super::chunk_bvh::ChunkBvh;
 use super::{ExactScene, WIDEN};
-use crate::ray::Ray;
+use crate::ray::{Ray, spacing_of};
 
 /// Rays in a packet, at most.
 pub const LANES: usize = 64;
@@ -117,19 +117,17 @@ impl TriangleRays {
         self.world.shorten(ray, t);
     }
 
-    /// How far apart neighbouring rays of a tile are, by and large, where the first of them enters the scene's box; world
-    /// units. 0 when none does.
+    /// How far apart neighbouring rays are, by and large, where they enter the scene's box; world units. 0 when none
+    /// does.
     pub fn spacing(&self) -> f64 {
-        let first = self.in_scene.trailing_zeros() as usize;
-        if first >= LANES || self.count < 2 {
-            return 0.0;
+        let mut entries = [DVec3::ZERO; LANES];
+        let mut count = 0;
+        for ray in (0..self.count).filter(|&ray| self.in_scene >> ray & 1 != 0) {
+            let of = |of: &[[f64; LANES]; 3]| DVec3::from([0, 1, 2].map(|k: usize| of[k][ray]));
+            entries[count] = of(&self.origin) + of(&self.direction) * self.world.t_enter[ray];
+            count += 1;
         }
-        let last = self.count - 1;
-        let apart =
-            |of: &[[f64; LANES]; 3]| DVec3::from([0, 1, 2].map(|k: usize| of[k][last] - of[k][0])).length();
-        // From the first ray of a square tile to the last is its diagonal.
-        let diagonal = apart(&self.origin) + apart(&self.direction) * self.world.t_enter[first];
-        diagonal / (2.0 * self.count as f64).sqrt()
+        spacing_of(entries[..count].iter().copied())
     }
 
     /// All rays, as bits.

@@ -302,20 +302,25 @@ pub fn difference(answer: &Film, reference: &Film) -> image::RgbImage {
 ///
 /// Drawing failed.
 pub fn chart(pictures: &[PictureReport]) -> Result<String, SvgError> {
+    charts_svg(&panels("", pictures), WIDTH, 1)
+}
+
+/// The panels of [`chart`], with what is shown in their titles.
+pub fn panels(name: &str, pictures: &[PictureReport]) -> Vec<Chart> {
     let mut lights: Vec<&'static str> = Vec::new();
     for light in pictures.iter().flat_map(|picture| &picture.lights) {
         if !lights.contains(&light.light) {
             lights.push(light.light);
         }
     }
-    let charts: Vec<Chart> = lights.into_iter().map(|light| panel(pictures, light)).collect();
-    charts_svg(&charts, WIDTH, 1)
+    let name = if name.is_empty() { String::new() } else { format!("{name}: ") };
+    lights.into_iter().map(|light| panel(&name, pictures, light)).collect()
 }
 
-fn panel(pictures: &[PictureReport], light: &str) -> Chart {
+fn panel(name: &str, pictures: &[PictureReport], light: &str) -> Chart {
     let mut curves: Vec<Curve> = Vec::new();
     for picture in pictures {
-        let name = match picture.resolution {
+        let curve = match picture.resolution {
             Some(side) => format!("{} {side}\u{b3}", picture.shadows),
             None => picture.shadows.to_owned(),
         };
@@ -327,16 +332,16 @@ fn panel(pictures: &[PictureReport], light: &str) -> Chart {
             label: picture.samples_per_pixel.to_string(),
         };
         let is_dashed = picture.resolution.is_none();
-        match curves.iter_mut().find(|curve| curve.name == name) {
-            Some(curve) => curve.points.push(point),
+        match curves.iter_mut().find(|known| known.name == curve) {
+            Some(known) => known.points.push(point),
             None => {
                 let colour = if is_dashed { GREY } else { curves.len() % GREY };
-                curves.push(Curve { name, colour, is_dashed, points: vec![point] });
+                curves.push(Curve { name: curve, colour, is_dashed, points: vec![point] });
             }
         }
     }
     Chart {
-        title: format!("Shadows of the {light}: time against error, by samples per pixel"),
+        title: format!("{name}shadows of the {light}, time against error by samples per pixel"),
         x: Axis {
             label: "seconds of shadow rays, threads together".into(),
             name: plain,

@@ -5,10 +5,6 @@ use glam::DVec3;
 /// Angle under which the sun is seen from the earth, degrees.
 pub const SUN_ANGLE_DEG: f64 = 0.53;
 
-/// The sky as a light has no edge; but every edge before it is wrong by what voxels are too thick, and there are many. Taken as
-/// so wide (radians), triangles decide up to some hundred voxels.
-const SKY_SPREAD: f64 = 0.1;
-
 /// All light of a scene, in the open as under a clear sky: sun 0.85, sky 0.3 of what a white surface can reflect. Values
 /// above 1 are for linear files; pictures for screens clip them.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,7 +76,7 @@ pub(super) struct LightSample {
     pub distance: f64,
     /// Linear RGB that a white matt surface there reflects if nothing is in the way.
     pub reflected: DVec3,
-    /// About the angle across the light where it is narrowest, radians.
+    /// About the angle across the light where it is narrowest, radians; 0 for the sky, which has no edge.
     pub spread: f64,
     /// Normal of the shining surface, length 1; zero where there is none.
     pub lamp: DVec3,
@@ -160,7 +156,7 @@ pub(super) fn sky_sample(normal: DVec3, reach: f64, up: DVec3, u: f64, v: f64) -
         direction,
         distance: reach,
         reflected: sky_reflected(normal, up),
-        spread: SKY_SPREAD,
+        spread: 0.0,
         lamp: DVec3::ZERO,
     }
 }

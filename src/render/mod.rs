@@ -17,28 +17,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use glam::DVec3;
-use image::{ImageBuffer, Luma, Rgb, RgbImage};
-use rayon::prelude::*;
+use image::RgbImage;
 
-pub use film::{Film, FilmPixel, KINDS, LightKind, NOBODY, RayCount};
+pub use film::{DepthRange, Film, FilmPixel, KINDS, LightKind, NOBODY, RayCount, id_colour};
 pub use light::{AreaLight, KeyLight, Lighting, SUN_ANGLE_DEG, Sky, Sun};
 pub use sampling::MAX_SAMPLES;
 pub use shadow::Shadows;
 
 use crate::camera::CameraRays;
-use crate::exact::TriangleHit;
 use crate::model::Colour;
 use crate::progress::Progress;
-use crate::ray::Ray;
 use crate::visibility::QueryScene;
 use shade::{PixelTile, Shader, TILE, TileScratch};
 
-/// Rows rendered by one task.
-const ROWS_PER_TASK: u32 = 4;
-
 /// Version of what is rendered: another one wherever the same settings give other pixels, so that no picture is taken for the
 /// same and none is finished with rows of both.
-pub const PIXELS_VERSION: u32 = 1;
+pub const PIXELS_VERSION: u32 = 2;
 
 /// How a picture is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,16 +81,6 @@ pub struct RenderScene<'a> {
     pub colours: &'a [Colour],
 }
 
-/// A depth image and its range.
-pub struct DepthImage {
-    /// 0: nothing there; 1 to 65,535: depth along the view from `near` to `far`, linear.
-    pub image: ImageBuffer<Luma<u16>, Vec<u16>>,
-    /// Least depth of the picture, model units.
-    pub near: f64,
-    /// Greatest depth.
-    pub far: f64,
-}
-
 /// Renders rows of a picture.
 pub struct Renderer<'a> {
     shader: Shader<'a>,
@@ -104,6 +88,17 @@ pub struct Renderer<'a> {
 }
 
 impl RenderSettings {
+    /// For depth and ids: one look at the middle of each pixel, and no shadows.
+    pub fn middles(up: DVec3) -> Self {
+        RenderSettings {
+            samples_per_pixel: 1,
+            lighting: Lighting::headlight(),
+            shadows: Shadows::None,
+            up,
+            seed: 0,
+        }
+    }
+
     /// What is wrong with them, if anything.
     fn fault(&self) -> Option<String> {
         let Lighting { key, sky, areas, fill } = &self.lighting;
@@ -220,76 +215,4 @@ pub fn render(
 ) -> Option<RgbImage> {
     let (film, _) = Renderer::new(scene, camera, settings).rows(0..camera.size().1, progress)?;
     Some(film.to_rgb8())
-}
-
-/// Renders object ids as colours, one sample in the middle of each pixel: 24 bits, red lowest, of
-/// `(id + 1) * 0x9E3779 mod 2^24` (invertible, and neighbours differ to the eye); black where nothing is. Transparent
-/// objects count as opaque here: the picture shows what a click would pick.
-pub fn render_ids(
-    scene: &RenderScene,
-    camera: &CameraRays,
-    object_of: impl Fn(u32) -> u32 + Sync,
-    progress: &dyn Progress,
-) -> Option<RgbImage> {
-    pixels(camera, progress, |column, row| match middle_hit(scene, camera, column, row) {
-        Some(hit) => Rgb(id_colour(object_of(hit.drawable))),
-        None => Rgb([0; 3]),
-    })
-    .map(|pixels| assemble(camera, pixels))
-}
-
-/// The colour of an object id in [`render_ids`].
-pub fn id_colour(object: u32) -> [u8; 3] {
-    let [r, g, b, _] = object.wrapping_add(1).wrapping_mul(0x9e_3779).to_le_bytes();
-    [r, g, b]
-}
-
-/// Renders depth, one sample in the middle of each pixel, scaled to the range of the picture.
-pub fn render_depth(scene: &RenderScene, camera: &CameraRays, progress: &dyn Progress) -> Option<DepthImage> {
-    let depths =
-        pixels(camera, progress, |column, row| middle_hit(scene, camera, column, row).map(|hit| hit.t))?;
-    let found = depths.iter().flatten();
-    let (near, far) = found.fold((f64::INFINITY, 0.0f64), |(near, far), &t| (near.min(t), far.max(t)));
-    let near = if near.is_finite() { near } else { 0.0 };
-    let span = (far - near).max(f64::MIN_POSITIVE);
-    let grey = |t: f64| 1 + ((t - near) / span * 65_534.0).round() as u16;
-    let (width, height) = camera.size();
-    let image = ImageBuffer::from_fn(width, height, |x, y| {
-        Luma([depths[y as usize * width as usize + x as usize].map_or(0, grey)])
-    });
-    Some(DepthImage { image, near, far })
-}
-
-fn middle_hit(scene: &RenderScene, camera: &CameraRays, column: u32, row: u32) -> Option<TriangleHit> {
-    let ray: Ray = camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
-    scene.query.exact.closest(&ray, scene.query.filter)
-}
-
-/// Computes all pixels, rows in parallel; `None` when cancelled before the last rows are begun.
-fn pixels<T: Send>(
-    camera: &CameraRays,
-    progress: &dyn Progress,
-    pixel: impl Fn(u32, u32) -> T + Sync,
-) -> Option<Vec<T>> {
-    let (width, height) = camera.size();
-    let tasks: Option<Vec<Vec<T>>> = (0..height.div_ceil(ROWS_PER_TASK))
-        .into_par_iter()
-        .map(|task| {
-            if progress.is_cancelled() {
-                return None;
-            }
-            let rows = task * ROWS_PER_TASK..((task + 1) * ROWS_PER_TASK).min(height);
-            let count = u64::from(rows.end - rows.start) * u64::from(width);
-            let pixels = rows.flat_map(|row| (0..width).map(move |column| (column, row)));
-            let pixels = pixels.map(|(column, row)| pixel(column, row)).collect();
-            progress.advance(count);
-            Some(pixels)
-        })
-        .collect();
-    tasks.map(|tasks| tasks.into_iter().flatten().collect())
-}
-
-fn assemble(camera: &CameraRays, pixels: Vec<Rgb<u8>>) -> RgbImage {
-    let (width, height) = camera.size();
-    RgbImage::from_fn(width, height, |x, y| pixels[y as usize * width as usize + x as usize])
 }

@@ -1,7 +1,7 @@
 //! Light, shadow and colour of a tile of pixels.
 //!
-//! The rays of one sample of all pixels of a tile go together: first to what the pixels see, then from there to a point of
-//! each light. Neighbours meet the same voxels and triangles, so that they are traced as one packet.
+//! Rays go in packets: first to what pixels see, then from there to a point of each light. Those of a packet should meet the
+//! same voxels and triangles, so that it is of as few pixels as it can be: of one with 64 samples and more, of four with 16.
 
 use std::time::Instant;
 
@@ -21,14 +21,10 @@ use crate::visibility::{TileHits, TileTracer};
 /// Transparent layers blended along one ray; more are not told apart by the eye.
 const MAX_LAYERS: usize = 16;
 
-/// Samples whose rays to the sky are collected before they are cast: the more, the more go about the same way.
-const SKY_SAMPLES: u32 = 64;
-
-/// Cells along each axis of the map of directions.
-const CELLS: f64 = 16.0;
-
-/// Side of a tile, pixels: one packet of rays.
+/// Side of a tile, pixels: what a thread does at a time.
 pub(super) const TILE: u32 = 8;
+
+const _: () = assert!((TILE * TILE) as usize == PACKET_RAYS, "with one sample a tile is a packet");
 
 /// Pixels of a tile: columns and rows of the picture.
 #[derive(Clone, Debug)]
@@ -41,6 +37,23 @@ impl PixelTile {
     fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.rows.clone().flat_map(|row| self.columns.clone().map(move |column| (column, row)))
     }
+
+    /// Its pixels, as numbers, in square blocks of this side on the picture's lattice.
+    fn blocks(&self, side: u32) -> Vec<Vec<usize>> {
+        let per_row = TILE / side;
+        let mut blocks = vec![Vec::new(); (per_row * per_row) as usize];
+        for (number, (column, row)) in self.pixels().enumerate() {
+            let block = (row % TILE / side) * per_row + column % TILE / side;
+            blocks[block as usize].push(number);
+        }
+        blocks.retain(|block| !block.is_empty());
+        blocks
+    }
+}
+
+/// How many samples of a pixel go in one packet, a power of four.
+fn samples_together(samples: u32) -> u32 {
+    [64, 16, 4].into_iter().find(|&together| together <= samples).unwrap_or(1)
 }
 
 /// Room to work; one for each thread.
@@ -48,21 +61,31 @@ impl PixelTile {
 pub(super) struct TileScratch {
     hits: TileHits,
     shadow: ShadowScratch,
-    /// Rays that are not clipped away, and the pixel of the tile that each is of.
+    /// What is to be looked at.
+    looks: Vec<Look>,
+    /// Rays that are not clipped away, and the look that each is of.
     rays: Vec<Ray>,
-    pixels: Vec<usize>,
+    looks_of_rays: Vec<Look>,
     surfaces: Vec<Surface>,
     waiting: Vec<Waiting>,
-    /// Of the sky, over several samples.
-    waiting_for_sky: Vec<Waiting>,
     rays_to_light: Vec<ShadowRay>,
     pub cost: ShadowCost,
 }
 
-/// A seen piece of surface.
-struct Surface {
+/// A ray from the eye.
+#[derive(Clone, Copy)]
+struct Look {
     /// Of the tile.
     pixel: usize,
+    /// Column and row of the picture.
+    place: (u32, u32),
+    /// `None`: through the middle of the pixel.
+    sample: Option<u32>,
+}
+
+/// A seen piece of surface.
+struct Surface {
+    look: Look,
     /// How much of what it reflects comes through the glass before it.
     share: f64,
     depth: f64,
@@ -123,23 +146,18 @@ impl<'a> Shader<'a> {
         let places: Vec<(u32, u32)> = tile.pixels().collect();
         let mut sums = vec![DVec3::ZERO; places.len()];
         let mut film = vec![FilmPixel::EMPTY; places.len()];
-        // What lies under a pixel is what its middle shows, whatever the samples.
+        // What lies under a pixel is what its middle shows, whatever the samples; a single sample goes there itself.
         let samples = self.settings.samples_per_pixel;
-        if samples > 1 {
-            self.see(&places, None, &mut vec![DVec3::ZERO; places.len()], scratch);
-            note_what_is_seen(&scratch.surfaces, &mut film);
-        }
-        for sample in 0..samples {
-            // A single sample goes to the middle itself.
-            self.see(&places, (samples > 1).then_some(sample), &mut sums, scratch);
-            if samples == 1 {
-                note_what_is_seen(&scratch.surfaces, &mut film);
-            }
-            self.light(&places, sample, &mut sums, &mut film, scratch);
-            let is_last = sample + 1 == samples;
-            if is_last || (sample + 1).is_multiple_of(SKY_SAMPLES) {
-                self.cast_to_sky(&mut sums, &mut film, scratch);
-            }
+        let middle = |(pixel, &place)| Look { pixel, place, sample: None };
+        scratch.looks.clear();
+        scratch.looks.extend(places.iter().enumerate().map(middle));
+        self.see(&mut sums, scratch);
+        note_what_is_seen(&scratch.surfaces, &mut film);
+        if samples == 1 {
+            self.light(&mut sums, &mut film, scratch);
+        } else {
+            sums.fill(DVec3::ZERO);
+            self.samples(tile, &places, &mut sums, &mut film, scratch);
         }
         for (pixel, sum) in film.iter_mut().zip(sums) {
             pixel.colour = to_f32(sum / f64::from(samples));
@@ -147,30 +165,59 @@ impl<'a> Shader<'a> {
         film
     }
 
-    fn numbers(&self, (column, row): (u32, u32), sample: u32, purpose: Purpose) -> (f64, f64) {
-        numbers(column, row, sample, self.settings.seed, purpose)
+    /// Takes several samples of each pixel.
+    fn samples(
+        &self,
+        tile: &PixelTile,
+        places: &[(u32, u32)],
+        sums: &mut [DVec3],
+        film: &mut [FilmPixel],
+        scratch: &mut TileScratch,
+    ) {
+        let samples = self.settings.samples_per_pixel;
+        let together = samples_together(samples);
+        let blocks = tile.blocks(TILE / together.isqrt());
+        // Sums are over the samples of a pixel in an order that does not depend on where a tile was cut.
+        for first in (0..samples).step_by(together as usize) {
+            let group = first..(first + together).min(samples);
+            for block in &blocks {
+                let look = |pixel: usize, sample| Look { pixel, place: places[pixel], sample: Some(sample) };
+                scratch.looks.clear();
+                scratch
+                    .looks
+                    .extend(block.iter().flat_map(|&pixel| group.clone().map(move |s| look(pixel, s))));
+                self.see(sums, scratch);
+                self.light(sums, film, scratch);
+            }
+        }
     }
 
-    /// Finds what one sample of each pixel sees, or its middle; where that is sky, adds it.
-    fn see(&self, places: &[(u32, u32)], sample: Option<u32>, sums: &mut [DVec3], scratch: &mut TileScratch) {
-        let TileScratch { rays, pixels, hits, surfaces, .. } = scratch;
+    /// The two numbers of a look for a purpose; a single sample is the first.
+    fn numbers(&self, look: &Look, purpose: Purpose) -> (f64, f64) {
+        let (column, row) = look.place;
+        numbers(column, row, look.sample.unwrap_or(0), self.settings.seed, purpose)
+    }
+
+    /// Finds what the looks meet; where that is sky, adds it.
+    fn see(&self, sums: &mut [DVec3], scratch: &mut TileScratch) {
+        let TileScratch { looks, rays, looks_of_rays, hits, surfaces, .. } = scratch;
         rays.clear();
-        pixels.clear();
+        looks_of_rays.clear();
         surfaces.clear();
-        for (pixel, &place) in places.iter().enumerate() {
-            let (x, y) = sample.map_or((0.5, 0.5), |sample| self.numbers(place, sample, Purpose::Pixel));
-            let ray = self.camera.ray(f64::from(place.0) + x, f64::from(place.1) + y);
+        for look in looks.iter() {
+            let (x, y) = look.sample.map_or((0.5, 0.5), |_| self.numbers(look, Purpose::Pixel));
+            let ray = self.camera.ray(f64::from(look.place.0) + x, f64::from(look.place.1) + y);
             match self.scene.query.filter.clipped(&ray) {
                 Some(ray) => {
                     rays.push(ray);
-                    pixels.push(pixel);
+                    looks_of_rays.push(*look);
                 }
-                None => sums[pixel] += sky_radiance(ray.direction, self.up),
+                None => sums[look.pixel] += sky_radiance(ray.direction, self.up),
             }
         }
         self.tracer.trace(rays, hits);
         let mut layers: Vec<(f64, u32)> = Vec::new();
-        for (number, (ray, &pixel)) in rays.iter().zip(pixels.iter()).enumerate() {
+        for (number, (ray, look)) in rays.iter().zip(looks_of_rays.iter()).enumerate() {
             let opaque = hits.opaque(number);
             let end = opaque.map_or(f64::INFINITY, |(_, t)| t);
             layers.clear();
@@ -186,24 +233,24 @@ impl<'a> Shader<'a> {
             for &(t, drawable) in &layers {
                 let Colour([.., alpha]) = self.scene.colours[drawable as usize];
                 let alpha = f64::from(alpha) / 255.0;
-                surfaces.extend(self.surface(ray, drawable, t, left * alpha, pixel));
+                surfaces.extend(self.surface(ray, drawable, t, left * alpha, *look));
                 left *= 1.0 - alpha;
             }
             match opaque {
-                Some((drawable, t)) => surfaces.extend(self.surface(ray, drawable, t, left, pixel)),
-                None => sums[pixel] += left * sky_radiance(ray.direction, self.up),
+                Some((drawable, t)) => surfaces.extend(self.surface(ray, drawable, t, left, *look)),
+                None => sums[look.pixel] += left * sky_radiance(ray.direction, self.up),
             }
         }
     }
 
     /// The surface that a ray meets.
-    fn surface(&self, ray: &Ray, drawable: u32, t: f64, share: f64, pixel: usize) -> Option<Surface> {
+    fn surface(&self, ray: &Ray, drawable: u32, t: f64, share: f64, look: Look) -> Option<Surface> {
         let hit = self.tracer.triangle(ray, drawable, t);
         debug_assert!(hit.is_some(), "packets and single rays find the same");
         let normal = self.scene.query.exact.normal(&hit?);
         let Colour([r, g, b, _]) = self.scene.colours[drawable as usize];
         Some(Surface {
-            pixel,
+            look,
             share,
             depth: t,
             drawable,
@@ -215,49 +262,32 @@ impl<'a> Shader<'a> {
         })
     }
 
-    /// Adds the light that one sample's surfaces reflect.
-    fn light(
-        &self,
-        places: &[(u32, u32)],
-        sample: u32,
-        sums: &mut [DVec3],
-        film: &mut [FilmPixel],
-        scratch: &mut TileScratch,
-    ) {
+    /// Adds the light that the seen surfaces reflect.
+    fn light(&self, sums: &mut [DVec3], film: &mut [FilmPixel], scratch: &mut TileScratch) {
         let lighting = &self.settings.lighting;
         for surface in &scratch.surfaces {
-            sums[surface.pixel] += surface.share * surface.albedo * self.unshadowed(surface);
+            sums[surface.look.pixel] += surface.share * surface.albedo * self.unshadowed(surface);
         }
         match lighting.key {
             KeyLight::Headlight => return,
             KeyLight::None => {}
             KeyLight::Sun(sun) => self.kind(LightKind::Sun, sums, film, scratch, |surface| {
-                let (u, v) = self.numbers(places[surface.pixel], sample, Purpose::Sun);
+                let (u, v) = self.numbers(&surface.look, Purpose::Sun);
                 sun.sample(surface.normal, u, v)
             }),
         }
         for (number, area) in (0..).zip(&lighting.areas) {
             self.kind(LightKind::Area, sums, film, scratch, |surface| {
-                let (u, v) = self.numbers(places[surface.pixel], sample, Purpose::Area(number));
+                let (u, v) = self.numbers(&surface.look, Purpose::Area(number));
                 area.sample(surface.point, surface.normal, u, v)
             });
         }
         if let Sky::Occluded { reach } = lighting.sky {
-            let TileScratch { surfaces, waiting_for_sky, .. } = scratch;
-            self.collect(surfaces, sums, waiting_for_sky, |surface| {
-                let (u, v) = self.numbers(places[surface.pixel], sample, Purpose::Sky);
+            self.kind(LightKind::Sky, sums, film, scratch, |surface| {
+                let (u, v) = self.numbers(&surface.look, Purpose::Sky);
                 Some(sky_sample(surface.normal, reach, self.up, u, v))
             });
         }
-    }
-
-    /// Casts the rays to the sky that wait: those that go about the same way together.
-    fn cast_to_sky(&self, sums: &mut [DVec3], film: &mut [FilmPixel], scratch: &mut TileScratch) {
-        let mut waiting = std::mem::take(&mut scratch.waiting_for_sky);
-        waiting.sort_by_cached_key(|waiting| direction_cell(waiting.ray.direction));
-        self.cast(LightKind::Sky, &waiting, sums, film, scratch);
-        waiting.clear();
-        scratch.waiting_for_sky = waiting;
     }
 
     /// What a white surface reflects of light that casts no shadows.
@@ -304,7 +334,7 @@ impl<'a> Shader<'a> {
             let Some(light) = sample(surface) else { continue };
             let reflected = surface.share * surface.albedo * light.reflected;
             if self.settings.shadows == Shadows::None {
-                sums[surface.pixel] += reflected;
+                sums[surface.look.pixel] += reflected;
                 continue;
             }
             let ray = ShadowRay {
@@ -315,7 +345,7 @@ impl<'a> Shader<'a> {
                 lamp: light.lamp,
                 spread: light.spread,
             };
-            waiting.push(Waiting { pixel: surface.pixel, light: reflected, ray });
+            waiting.push(Waiting { pixel: surface.look.pixel, light: reflected, ray });
         }
     }
 
@@ -347,26 +377,12 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// Number of the cell of a direction on an octahedral map of the sphere (Cigolle et al. 2014); cells with near numbers are near
-/// each other, along a Z-order curve.
-fn direction_cell(direction: DVec3) -> u32 {
-    let d = direction / direction.abs().element_sum();
-    let (x, y) = if d.z >= 0.0 {
-        (d.x, d.y)
-    } else {
-        ((1.0 - d.y.abs()) * d.x.signum(), (1.0 - d.x.abs()) * d.y.signum())
-    };
-    let cell = |c: f64| ((0.5 * c + 0.5) * CELLS).clamp(0.0, CELLS - 1.0) as u32;
-    let spread = |c: u32| (0..4).fold(0, |bits, i| bits | (c >> i & 1) << (2 * i));
-    spread(cell(x)) | spread(cell(y)) << 1
-}
-
 const _: () = assert!(LightKind::ALL.len() == KINDS);
 
 /// Depth, drawable and normal of the nearest surface of each pixel; those of a pixel come front to back.
 fn note_what_is_seen(surfaces: &[Surface], film: &mut [FilmPixel]) {
     for surface in surfaces.iter().rev() {
-        let pixel = &mut film[surface.pixel];
+        let pixel = &mut film[surface.look.pixel];
         pixel.depth = surface.depth as f32;
         pixel.drawable = surface.drawable;
         pixel.normal = to_f32(surface.normal);

@@ -18,9 +18,13 @@
 //!
 //! Voxels are larger than what is in them, by up to a diagonal. Seen from the receiver a diagonal s at distance t
 //! covers s / t; where that is less than [`Shadows::Hybrid`]'s `tolerance` times the angle across the light, a voxel may decide:
-//! it shifts a penumbra by less than this share of its width. Nearer, triangles decide: for rays that go the same way voxels
-//! name the candidates of the whole packet. (Lost: to look for any voxel behind the ray's own first, and for triangles only
-//! where there is one: 0.6 times as fast amid a plant, where nearly every ray meets one.)
+//! it shifts a penumbra by less than this share of its width. Nearer, triangles decide: voxels name the candidates of the whole
+//! packet. Rays to the sky have no penumbra and little in common: triangles decide all of them.
+//!
+//! Lost: to look for any voxel behind the ray's own first, and for triangles only where there is one (0.6 times as fast amid a
+//! plant, where nearly every ray meets one); voxels for what is far away towards the sky, as if it were a lamp of 0.1 radians (0.6 to 1.1
+//! times as fast as triangles alone, and wrong by a percent); packets of rays to the sky, sorted by direction (0.8 times as fast
+//! as single rays, and 0.2 to 0.5 times where they start far apart).
 
 use glam::DVec3;
 use voxsight_voxel::raycast::{
@@ -28,11 +32,16 @@ use voxsight_voxel::raycast::{
 };
 
 use crate::exact::TriangleRays;
-use crate::ray::Ray;
+use crate::ray::{Ray, spacing_of};
 use crate::visibility::{Asked, QueryScene, VOXELS_BETWEEN_RAYS};
 
 /// Height above its surface at which a shadow ray against triangles starts, in sides of the grid.
 const EXACT_HEIGHT: f64 = 1e-7;
+
+/// Rays of a packet towards the same light that start farther apart than this, in voxels, share too little to go together.
+/// Measured on three scenes from outside, sun: at 16 packets are 1.4 to 1.6 times as fast as single rays; at 40, 0.9 to 1.1 times
+/// that.
+const VOXELS_BETWEEN_SHADOW_RAYS: f64 = 16.0;
 
 /// How shadow rays are cast.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,19 +117,19 @@ impl<'a> ShadowTracer<'a> {
         }
     }
 
-    /// Which of up to [`PACKET_RAYS`] rays are stopped, as bits. The more they go the same way, the sooner; `coherent` when
-    /// all do.
+    /// Which of up to [`PACKET_RAYS`] rays are stopped, as bits. `coherent` when all go towards the same lamp.
     pub fn stopped(&self, rays: &[ShadowRay], coherent: bool, scratch: &mut ShadowScratch) -> u64 {
         debug_assert!(rays.len() <= PACKET_RAYS);
         match self.shadows {
             Shadows::None => 0,
             Shadows::Voxel => {
                 let rays = rays.iter().enumerate();
-                self.meet_voxels(rays.filter_map(|(i, ray)| Some((i, self.voxel_ray(ray)?))), scratch);
+                let rays = rays.filter_map(|(i, ray)| Some((i, self.voxel_ray(ray)?)));
+                self.meet_voxels(rays, coherent, scratch);
                 scratch.stopped
             }
-            Shadows::Hybrid { tolerance } => self.stopped_by_both(rays, tolerance, coherent, scratch),
-            Shadows::Exact => (0..).zip(rays).fold(0, |bits, (i, ray)| {
+            Shadows::Hybrid { tolerance } if coherent => self.stopped_by_both(rays, tolerance, scratch),
+            Shadows::Hybrid { .. } | Shadows::Exact => (0..).zip(rays).fold(0, |bits, (i, ray)| {
                 bits | u64::from(self.scene.exact.any(&self.exact_ray(ray), self.scene.filter)) << i
             }),
         }
@@ -166,7 +175,12 @@ impl<'a> ShadowTracer<'a> {
     }
 
     /// Casts numbered rays against the voxels: which are stopped.
-    fn meet_voxels(&self, rays: impl Iterator<Item = (usize, Ray)>, scratch: &mut ShadowScratch) {
+    fn meet_voxels(
+        &self,
+        rays: impl Iterator<Item = (usize, Ray)>,
+        coherent: bool,
+        scratch: &mut ShadowScratch,
+    ) {
         let ShadowScratch { packet, grid_rays, numbers, stopped, .. } = scratch;
         numbers.clear();
         grid_rays.clear();
@@ -188,23 +202,18 @@ impl<'a> ShadowTracer<'a> {
             Next::End
         };
         let caster = RayCaster::new(dag);
-        if spacing(grid_rays) > VOXELS_BETWEEN_RAYS {
-            // Rays far apart share too little to go as a packet.
-            caster.cast_batch(grid_rays, visit);
-        } else {
+        let is_packet =
+            coherent && spacing_of(grid_rays.iter().map(|ray| ray.origin)) <= VOXELS_BETWEEN_SHADOW_RAYS;
+        if is_packet {
             packet.fill(grid_rays.iter().copied());
             caster.cast_packet(packet, visit);
+        } else {
+            caster.cast_batch(grid_rays, visit);
         }
     }
 
     /// Voxels where they are fine enough, triangles before.
-    fn stopped_by_both(
-        &self,
-        rays: &[ShadowRay],
-        tolerance: f64,
-        coherent: bool,
-        scratch: &mut ShadowScratch,
-    ) -> u64 {
+    fn stopped_by_both(&self, rays: &[ShadowRay], tolerance: f64, scratch: &mut ShadowScratch) -> u64 {
         let filter = self.scene.filter;
         // From here on voxels decide; never where the light has no size.
         let diagonal = 3f64.sqrt() * self.scene.grid.voxel_size;
@@ -218,7 +227,7 @@ impl<'a> ShadowTracer<'a> {
             let far = Ray { t_min: fine(ray), ..self.exact_ray(ray) };
             (far.t_min < far.t_max).then(|| filter.clipped(&far)).flatten().map(|far| (i, far))
         });
-        self.meet_voxels(far, scratch);
+        self.meet_voxels(far, true, scratch);
         let mut stopped = scratch.stopped;
         let mut near = std::mem::take(&mut scratch.near);
         near.clear();
@@ -226,13 +235,7 @@ impl<'a> ShadowTracer<'a> {
             let whole = self.exact_ray(ray);
             filter.clipped(&Ray { t_max: fine(ray).min(whole.t_max), ..whole }).map(|ray| (i, ray))
         }));
-        stopped |= if coherent {
-            self.stopped_by_triangles(&near, scratch)
-        } else {
-            // Rays that have little in common share no candidates.
-            let met = near.iter().filter(|(_, ray)| self.scene.exact.any(ray, filter));
-            met.fold(0, |bits, &(i, _)| bits | 1 << i)
-        };
+        stopped |= self.stopped_by_triangles(&near, scratch);
         scratch.near = near;
         stopped
     }
@@ -275,13 +278,5 @@ impl<'a> ShadowTracer<'a> {
             });
         }
         rays.iter().enumerate().fold(0, |bits, (i, &(number, _))| bits | (!waiting >> i & 1) << number)
-    }
-}
-
-/// How far apart rays of a tile start, by and large: from the first to the last is its diagonal.
-fn spacing(rays: &[GridRay]) -> f64 {
-    match (rays.first(), rays.last()) {
-        (Some(first), Some(last)) => (last.origin - first.origin).length() / (2.0 * rays.len() as f64).sqrt(),
-        _ => 0.0,
     }
 }

@@ -4,14 +4,15 @@ use std::io::{self, BufWriter};
 use std::ops::Range;
 use std::path::Path;
 
-use exr::block::UncompressedBlock;
 use exr::block::reader::ChunksReader;
 use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, UncompressedBlock};
 use exr::compression::Compression;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::f16;
+use rayon::prelude::*;
 
 use super::{BLOCK_ROWS, Film, Fingerprint, KEYWORD, open};
 use crate::atomic_file::AtomicFile;
@@ -76,19 +77,26 @@ pub(super) fn write(
         .insert(Text::from(KEYWORD), AttributeValue::Text(Text::from(fingerprint.text().as_str())));
     let mut failed = None;
     let written = exr::block::write(&mut file, [header].into_iter().collect(), true, |meta, chunks| {
-        // One block at a time is in memory.
-        for (index_in_header, index) in exr::block::enumerate_ordered_header_block_indices(&meta.headers) {
-            let first = index.pixel_position.y() as u32;
-            debug_assert!(index.pixel_size.height() as u32 <= BLOCK_ROWS);
-            match rows(first..first + index.pixel_size.height() as u32) {
-                Ok(data) => {
-                    let chunk = UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)?;
-                    chunks.write_chunk(index_in_header, chunk)?;
-                }
-                Err(error) => {
-                    failed = Some(error);
-                    return Err(exr::error::Error::Aborted);
-                }
+        // A few blocks at a time are in memory, as many as there are threads to compress them.
+        let blocks: Vec<_> = exr::block::enumerate_ordered_header_block_indices(&meta.headers).collect();
+        for group in blocks.chunks(rayon::current_num_threads()) {
+            let read = |&(layer, index): &(usize, BlockIndex)| {
+                let first = index.pixel_position.y() as u32;
+                debug_assert!(index.pixel_size.height() as u32 <= BLOCK_ROWS);
+                let data = rows(first..first + index.pixel_size.height() as u32)?;
+                Ok((layer, UncompressedBlock { index, data }))
+            };
+            let read: io::Result<Vec<(usize, UncompressedBlock)>> = group.iter().map(read).collect();
+            let read = read.map_err(|error| {
+                failed = Some(error);
+                exr::error::Error::Aborted
+            })?;
+            let compress = |(layer, block): (usize, UncompressedBlock)| {
+                Ok((layer, block.compress_to_chunk(&meta.headers)?))
+            };
+            let compressed: Result<Vec<_>, exr::error::Error> = read.into_par_iter().map(compress).collect();
+            for (layer, chunk) in compressed? {
+                chunks.write_chunk(layer, chunk)?;
             }
         }
         Ok(())

@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::shade::TILE;
-use super::{Film, Renderer, ShadowCost};
+use super::{DepthRange, Film, Renderer, ShadowCost};
 use crate::atomic_file::AtomicFile;
 use crate::progress::Progress;
 use part::PartFile;
@@ -30,7 +30,7 @@ const BAND_SAMPLES: u64 = 1 << 24;
 const BLOCK_ROWS: u32 = 16;
 
 /// How a picture is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Format {
     /// sRGB for screens, 8 bits.
     Png8,
@@ -39,6 +39,10 @@ pub enum Format {
     /// Linear, unclipped: R, G, B and the normal N.X, N.Y, N.Z in 16-bit floats; Z, the depth along the view, in 32 (infinite
     /// where there is nothing); id, the object, in 32-bit integers (4294967295 where there is nothing).
     Exr,
+    /// PNG of objects as colours ([`crate::render::id_colour`]), of pixels' middles.
+    Ids,
+    /// PNG of depths, 16 bits grey: 0 where there is nothing, 1 to 65,535 from near to far; of pixels' middles.
+    Depth(DepthRange),
 }
 
 /// What tells one picture from every other: scene, camera, settings.
@@ -110,11 +114,24 @@ impl Format {
     /// Bytes of a row of so many pixels.
     fn row_bytes(self, width: u32) -> usize {
         let pixel = match self {
-            Format::Png8 => png::BYTES_8,
-            Format::Png16 => png::BYTES_16,
+            Format::Png8 => png::Layout::COLOURS_8.bytes(),
+            Format::Png16 => png::Layout::COLOURS_16.bytes(),
+            Format::Ids => png::Layout::IDS.bytes(),
+            Format::Depth(_) => png::Layout::DEPTHS.bytes(),
             Format::Exr => exr::BYTES,
         };
         pixel * width as usize
+    }
+
+    /// Tells formats of the same picture apart.
+    fn number(self) -> u128 {
+        match self {
+            Format::Png8 => 0,
+            Format::Png16 => 1,
+            Format::Exr => 2,
+            Format::Ids => 3,
+            Format::Depth(_) => 4,
+        }
     }
 
     /// The rows as the encoder takes them.
@@ -122,6 +139,8 @@ impl Format {
         match self {
             Format::Png8 => png::encode_8(film),
             Format::Png16 => png::encode_16(film),
+            Format::Ids => film.to_ids(object_of).into_raw(),
+            Format::Depth(range) => png::high_byte_first(&film.to_depths(range)),
             Format::Exr => exr::encode(film, object_of),
         }
     }
@@ -130,8 +149,8 @@ impl Format {
     fn fingerprint_of(self, path: &Path) -> Option<Fingerprint> {
         // Whatever cannot be read is not the picture, and is replaced like any other file.
         let text = match self {
-            Format::Png8 | Format::Png16 => png::keyword(path),
             Format::Exr => exr::keyword(path),
+            _ => png::keyword(path),
         }?;
         u128::from_str_radix(&text, 16).ok().map(Fingerprint)
     }
@@ -153,7 +172,7 @@ pub fn render_to_file(
 ) -> Result<Written, PictureError> {
     let (width, height) = renderer.camera.size();
     // The format is part of what tells pictures apart.
-    let fingerprint = Fingerprint(fingerprint.0 ^ format as u128);
+    let fingerprint = Fingerprint(fingerprint.0 ^ format.number());
     let is_finished = || format.fingerprint_of(path) == Some(fingerprint);
     let before = || {
         progress.advance(u64::from(width) * u64::from(height));
@@ -186,10 +205,13 @@ pub fn render_to_file(
         true => Err(io::ErrorKind::Interrupted.into()),
         false => part.read(range),
     };
+    let size = [width, height];
     let file = match format {
-        Format::Png8 => png::write(file, [width, height], ::png::BitDepth::Eight, fingerprint, &mut rows),
-        Format::Png16 => png::write(file, [width, height], ::png::BitDepth::Sixteen, fingerprint, &mut rows),
-        Format::Exr => exr::write(file, [width, height], fingerprint, &mut rows),
+        Format::Png8 => png::write(file, size, png::Layout::COLOURS_8, fingerprint, &mut rows),
+        Format::Png16 => png::write(file, size, png::Layout::COLOURS_16, fingerprint, &mut rows),
+        Format::Ids => png::write(file, size, png::Layout::IDS, fingerprint, &mut rows),
+        Format::Depth(_) => png::write(file, size, png::Layout::DEPTHS, fingerprint, &mut rows),
+        Format::Exr => exr::write(file, size, fingerprint, &mut rows),
     };
     let file = match file {
         Err(_) if progress.is_cancelled() => {
@@ -200,6 +222,17 @@ pub fn render_to_file(
     file.commit().map_err(|error| PictureError::io(path, "write")(error.into()))?;
     part.remove()?;
     Ok(Written::New { resumed_rows, cost })
+}
+
+/// Range of a picture's depths, a band at a time, before [`Format::Depth`] can be written; `None` when cancelled. Tells `progress`
+/// of pixels.
+pub fn depth_range(renderer: &Renderer, progress: &dyn Progress) -> Option<DepthRange> {
+    let (width, height) = renderer.camera.size();
+    let band = band_rows(width, renderer.samples_per_pixel());
+    (0..height).step_by(band as usize).try_fold(DepthRange::EMPTY, |range, row| {
+        let (film, _) = renderer.rows(row..(row + band).min(height), progress)?;
+        Some(film.depth_range(range))
+    })
 }
 
 /// Rows of a band: whole tiles.

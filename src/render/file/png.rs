@@ -10,8 +10,26 @@ use super::{Film, Fingerprint, KEYWORD, blocks, open};
 use crate::atomic_file::AtomicFile;
 use crate::model::srgb_from_linear;
 
-pub(super) const BYTES_8: usize = 3;
-pub(super) const BYTES_16: usize = 6;
+/// What a pixel is made of.
+#[derive(Clone, Copy)]
+pub(super) struct Layout {
+    color: ColorType,
+    depth: BitDepth,
+    /// Light for screens; otherwise numbers.
+    is_srgb: bool,
+}
+
+impl Layout {
+    pub const COLOURS_8: Self = Layout { color: ColorType::Rgb, depth: BitDepth::Eight, is_srgb: true };
+    pub const COLOURS_16: Self = Layout { color: ColorType::Rgb, depth: BitDepth::Sixteen, is_srgb: true };
+    pub const IDS: Self = Layout { color: ColorType::Rgb, depth: BitDepth::Eight, is_srgb: false };
+    pub const DEPTHS: Self = Layout { color: ColorType::Grayscale, depth: BitDepth::Sixteen, is_srgb: false };
+
+    /// Bytes of a pixel.
+    pub fn bytes(self) -> usize {
+        self.color.samples() * self.depth as usize / 8
+    }
+}
 
 /// 8 bits a value.
 pub(super) fn encode_8(film: &Film) -> Vec<u8> {
@@ -24,19 +42,26 @@ pub(super) fn encode_16(film: &Film) -> Vec<u8> {
     film.pixels.iter().flat_map(|pixel| pixel.colour.map(|c| value(c).to_be_bytes())).flatten().collect()
 }
 
-/// Writes rows that [`encode_8`] or [`encode_16`] made.
+/// The values of an image as PNG has them.
+pub(super) fn high_byte_first(image: &[u16]) -> Vec<u8> {
+    image.iter().flat_map(|value| value.to_be_bytes()).collect()
+}
+
+/// Writes rows of this layout.
 pub(super) fn write(
     file: AtomicFile,
     [width, height]: [u32; 2],
-    depth: BitDepth,
+    layout: Layout,
     fingerprint: Fingerprint,
     rows: &mut dyn FnMut(Range<u32>) -> io::Result<Vec<u8>>,
 ) -> io::Result<AtomicFile> {
     let mut file = BufWriter::new(file);
     let mut encoder = Encoder::new(&mut file, width, height);
-    encoder.set_color(ColorType::Rgb);
-    encoder.set_depth(depth);
-    encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
+    encoder.set_color(layout.color);
+    encoder.set_depth(layout.depth);
+    if layout.is_srgb {
+        encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
+    }
     encoder.add_text_chunk(KEYWORD.to_owned(), fingerprint.text())?;
     let mut writer = encoder.write_header()?;
     let mut stream = writer.stream_writer()?;
