@@ -122,9 +122,10 @@ fn run(options: &Options, scenes: &[LoadedScene], view: &str) -> Vec<PictureRepo
         width: options.size,
         height: options.size,
     };
-    let bounds = finest.scene().meta().bounds;
+    let meta = finest.scene().meta();
+    let (bounds, up) = (meta.bounds, meta.settings.up.unit());
     let diagonal = (DVec3::from(bounds.max) - DVec3::from(bounds.min)).length();
-    let direction = DVec3::new(0.45, -0.3, 1.0);
+    let direction = Sun::default_direction(up);
     let settings = RenderSettings {
         samples_per_pixel: 1,
         lighting: Lighting {
@@ -134,13 +135,11 @@ fn run(options: &Options, scenes: &[LoadedScene], view: &str) -> Vec<PictureRepo
             fill: 1.0,
         },
         shadows: Shadows::HYBRID,
-        up: DVec3::Z,
+        up,
         seed: 0,
     };
-    let Shadows::Hybrid { tolerance } = Shadows::HYBRID else { unreachable!() };
     let camera = camera.rays().unwrap();
-    let run =
-        ShadowRun { scenes, camera: &camera, settings: &settings, samples: &options.samples, tolerance };
+    let run = ShadowRun { scenes, camera: &camera, settings: &settings, samples: &options.samples };
     run.run(&Silent).unwrap().pictures.into_iter().map(|picture| picture.report).collect()
 }
 

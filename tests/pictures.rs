@@ -15,7 +15,9 @@ use glam::DVec3;
 use voxsight::camera::{Camera, CameraRays};
 use voxsight::loaded::LoadedScene;
 use voxsight::progress::{Progress, Silent};
-use voxsight::render::file::{Fingerprint, Format, PictureError, Written, depth_range, render_to_file};
+use voxsight::render::file::{
+    Fingerprint, Format, PictureError, Written, depth_range_of, render_to_file, render_to_stream, unfinished,
+};
 use voxsight::render::{Film, Lighting, NOBODY, RenderSettings, Renderer, Shadows, id_colour};
 
 struct Sample {
@@ -120,9 +122,7 @@ fn ids_and_depths_are_what_a_click_on_each_pixel_would_find() {
     sample.settings = RenderSettings::middles(DVec3::Y);
     // Several bands.
     let camera = Sample::camera(20_000, 120);
-    let picture = sample.loaded.picture();
-    let range = depth_range(&Renderer::new(&picture, &camera, &sample.settings), &Silent).unwrap();
-    for (name, format) in [("ids.png", Format::Ids), ("depth.png", Format::Depth(range))] {
+    for (name, format) in [("ids.png", Format::Ids), ("depth.png", Format::Depth)] {
         let stop = StopAfter { pixels: 20_000 * 60, done: AtomicU64::new(0) };
         let stopped = sample.write(&camera, name, format, &stop).unwrap_err();
         assert!(matches!(stopped, PictureError::Stopped { done: 1.., .. }), "{stopped}");
@@ -131,6 +131,7 @@ fn ids_and_depths_are_what_a_click_on_each_pixel_would_find() {
     }
     let ids = image::open(sample.path("ids.png")).unwrap().into_rgb8();
     let depths = image::open(sample.path("depth.png")).unwrap().into_luma16();
+    let range = depth_range_of(&sample.path("depth.png")).unwrap();
     let (near, far) = (f64::from(range.near), f64::from(range.far));
     assert!(near > 1.0 && far > near, "{range:?}");
     let (query, mut seen) = (sample.loaded.query(), 0);
@@ -224,10 +225,57 @@ fn an_interrupted_picture_goes_on_and_comes_out_the_same() {
 }
 
 #[test]
+fn a_picture_of_another_format_leaves_an_unfinished_one_alone() {
+    let mut sample = Sample::new();
+    sample.settings = RenderSettings::middles(DVec3::Y);
+    let camera = Sample::camera(20_000, 120);
+    let formats = [Format::Png8, Format::Png16, Format::Ids, Format::Depth];
+    let rows: Vec<u32> = formats
+        .iter()
+        .map(|&format| {
+            let stop = StopAfter { pixels: 20_000 * 60, done: AtomicU64::new(0) };
+            let stopped = sample.write(&camera, "a.png", format, &stop).unwrap_err();
+            let PictureError::Stopped { done, part, .. } = stopped else { panic!("{stopped}") };
+            assert!(done > 0 && part.exists());
+            done
+        })
+        .collect();
+    assert_eq!(unfinished(&sample.path("a.png")).len(), 4);
+    for (&format, rows) in formats.iter().zip(rows) {
+        let written = sample.write(&camera, "a.png", format, &Silent).unwrap();
+        assert!(matches!(written, Written::New { resumed_rows, .. } if resumed_rows == rows), "{written:?}");
+    }
+    assert_eq!(unfinished(&sample.path("a.png")).len(), 0);
+}
+
+#[test]
+fn a_stream_gets_the_pixels_of_the_file() {
+    let sample = Sample::new();
+    let camera = Sample::camera(75, 50);
+    let picture = sample.loaded.picture();
+    let renderer = Renderer::new(&picture, &camera, &sample.settings);
+    let object_of = |drawable| sample.loaded.scene().drawable_object(drawable);
+    for format in [Format::Png8, Format::Png16, Format::Ids] {
+        sample.write(&camera, "file.png", format, &Silent).unwrap();
+        let mut bytes = Vec::new();
+        render_to_stream(&renderer, format, &object_of, &mut bytes, &Silent).unwrap();
+        let streamed = image::load_from_memory(&bytes).unwrap();
+        assert_eq!(streamed, image::open(sample.path("file.png")).unwrap(), "{format:?}");
+    }
+    for format in [Format::Exr, Format::Depth] {
+        render_to_stream(&renderer, format, &object_of, &mut Vec::new(), &Silent).unwrap_err();
+    }
+}
+
+#[test]
 fn two_jobs_do_not_make_one_picture() {
     let sample = Sample::new();
     let camera = Sample::camera(16, 16);
-    let part = std::fs::File::create(sample.path(".p.png.00000000.part")).unwrap();
+    // Its name tells the fingerprint: let a job that is stopped at once make one.
+    let stop = StopAfter { pixels: 0, done: AtomicU64::new(0) };
+    let stopped = sample.write(&camera, "p.png", Format::Png8, &stop).unwrap_err();
+    let PictureError::Stopped { part, .. } = stopped else { panic!("{stopped}") };
+    let part = std::fs::File::open(part).unwrap();
     part.lock().unwrap();
     let busy = sample.write(&camera, "p.png", Format::Png8, &Silent).unwrap_err();
     assert!(matches!(busy, PictureError::Busy(_)), "{busy}");
@@ -292,7 +340,9 @@ fn bad_flags_are_refused_before_the_work() {
     let path = file("path.json", PATH);
     let areas =
         file("areas.json", r#"[{"corner":[0,0,0],"edge_u":[1,0,0],"edge_v":[2,0,0],"radiance":[1,1,1]}]"#);
+    let no_areas = file("none.json", "[]");
     let out = sample.path("out.png").to_str().unwrap().to_owned();
+    let exr = sample.path("out.exr").to_str().unwrap().to_owned();
     let numbered = sample.path("out-{frame}.png").to_str().unwrap().to_owned();
     for (args, expected, code) in [
         (vec!["--path", &path, "-o", &out], "{frame}", 1),
@@ -308,6 +358,12 @@ fn bad_flags_are_refused_before_the_work() {
         (vec!["-o", &out, "--areas", &areas], "no area", 1),
         (vec!["-o", &out, "--spp", "1,2"], "--report", 1),
         (vec!["-o", &out, "--spp", "70000"], "65536", 2),
+        (vec!["-o", &exr, "--bits", "16"], "--bits", 1),
+        (vec!["-o", "-", "--depth"], "needs a file", 1),
+        (vec!["-o", &out, "--sky", "occluded", "--shadows", "none"], "--shadows none", 1),
+        (vec!["-o", &out, "--light", "headlight", "--shadow-tolerance", "0.5"], "headlight", 1),
+        (vec!["-o", &out, "--light", "none", "--areas", &no_areas], "no rectangle", 1),
+        (vec!["-o", &out, "--fill", "2"], "0 to 1", 1),
         (vec!["-o", "picture.jpg"], ".png", 1),
         (vec![], "--output", 2),
     ] {

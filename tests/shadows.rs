@@ -445,10 +445,10 @@ fn pixels_change_only_with_their_version() {
     let loaded = load(&path);
     let camera = Camera::around(DVec3::ZERO, DVec3::splat(20.0), DVec3::ONE, DVec3::Y, 48, 40);
     let camera = camera.rays().unwrap();
-    let lighting = all_lights(&mut Random::new(3), DVec3::splat(10.0), 5.0);
-    let hash = |shadows: Shadows, samples: u32| {
+    let all = all_lights(&mut Random::new(3), DVec3::splat(10.0), 5.0);
+    let hash = |lighting: &Lighting, shadows: Shadows, samples: u32| {
         let film = film(&loaded, &camera, &settings(lighting.clone(), shadows, samples));
-        let mut bytes = Vec::new();
+        let mut bytes = film.to_rgb8().into_raw();
         for pixel in &film.pixels {
             let floats = pixel.colour.iter().chain(&pixel.normal).chain([&pixel.depth]);
             bytes.extend(floats.flat_map(|value| value.to_le_bytes()));
@@ -456,13 +456,127 @@ fn pixels_change_only_with_their_version() {
         }
         xxhash_rust::xxh3::xxh3_64(&bytes)
     };
-    const PIXELS: [u64; 4] =
-        [0x7716_7f25_239c_802e, 0x1d9b_7233_8019_26e7, 0x7a6e_c7fc_77ab_d4b4, 0x8fec_d494_111f_a87e];
-    let hashes = [
-        hash(Shadows::Voxel, 1),
-        hash(Shadows::Voxel, 21),
-        hash(Shadows::Hybrid { tolerance: 1.0 }, 4),
-        hash(Shadows::Exact, 4),
+    const PIXELS: [u64; 6] = [
+        0xd573_41b2_1915_f63f,
+        0x5a09_d931_abd4_c520,
+        0xbb4b_54b1_b656_a946,
+        0x583e_f311_444b_25ab,
+        0x4b19_ec30_aa9d_eb80,
+        0x4660_c255_8101_70ab,
     ];
-    assert_eq!((PIXELS_VERSION, hashes), (2, PIXELS), "{hashes:#x?}");
+    let hashes = [
+        hash(&all, Shadows::Voxel, 1),
+        hash(&all, Shadows::Voxel, 21),
+        hash(&all, Shadows::Hybrid { tolerance: 1.0 }, 4),
+        hash(&all, Shadows::Exact, 4),
+        hash(&Lighting::sunny(DVec3::new(0.3, 1.0, 0.2)), Shadows::HYBRID, 4),
+        hash(&Lighting::headlight(), Shadows::None, 1),
+    ];
+    assert_eq!((PIXELS_VERSION, hashes), (3, PIXELS), "{hashes:#x?}");
+}
+
+/// A floor of this half width, and a thin plate at a height that covers half of it.
+fn floor_and_plate(half: f64, height: f64) -> Model {
+    let floor =
+        DAffine3::from_translation(-0.1 * DVec3::Y) * DAffine3::from_scale(DVec3::new(half, 0.1, half));
+    let plate = DAffine3::from_translation(DVec3::new(0.5 * half, height, 0.0))
+        * DAffine3::from_scale(DVec3::new(0.5 * half, 0.003, half));
+    placed(&[(cuboid(), floor), (cuboid(), plate)])
+}
+
+#[test]
+fn triangles_decide_up_to_where_the_tolerance_says_and_voxels_beyond() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    const TOLERANCE: f64 = 0.25;
+    for is_lamp in [false, true] {
+        for share in [0.8, 1.25] {
+            // The plate's height decides how large the grid is, and so the voxels: a few rounds settle both.
+            let (mut height, mut loaded, mut lighting) = (2.0, None, Lighting::headlight());
+            for _ in 0..6 {
+                build_model(floor_and_plate(4.0, height), 11, &path);
+                let scene = load(&path);
+                let diagonal = 3f64.sqrt() * scene.query().grid.voxel_size;
+                let spread = if is_lamp {
+                    // A square far above the plate, on its edge but for 8 degrees, seen along its diagonal.
+                    let (flat, away) = (8f64.to_radians(), 30.0);
+                    let along = DVec3::new(flat.sin(), flat.cos(), 0.0);
+                    let (u, v) = (along + DVec3::Z, along - DVec3::Z);
+                    let (edge_u, edge_v) = if u.cross(v).y < 0.0 { (u, v) } else { (v, u) };
+                    let corner = DVec3::Y * away - along;
+                    let radiance = DVec3::splat(1e4);
+                    lighting = Lighting {
+                        key: KeyLight::None,
+                        areas: vec![AreaLight { corner, edge_u, edge_v, radiance }],
+                        ..Lighting::sunny(DVec3::Y)
+                    };
+                    // As narrow as the rhombus between two of its parallel edges: area by edge.
+                    let side = (flat.sin().powi(2) + 1.0).sqrt();
+                    2.0 * flat.sin() / side / away
+                } else {
+                    lighting = Lighting {
+                        key: KeyLight::Sun(Sun { direction: DVec3::Y, angle_deg: 6.0 }),
+                        ..Lighting::sunny(DVec3::Y)
+                    };
+                    6f64.to_radians()
+                };
+                height = share * diagonal / (TOLERANCE * spread);
+                loaded = Some(scene);
+            }
+            let loaded = loaded.unwrap();
+            let camera = above(DVec3::new(0.0, 0.5 * height, 0.0), 64);
+            let of = |shadows| film(&loaded, &camera, &settings(lighting.clone(), shadows, 16));
+            let (exact, hybrid) = (of(Shadows::Exact), of(Shadows::Hybrid { tolerance: TOLERANCE }));
+            let kind = if is_lamp { LightKind::Area } else { LightKind::Sun } as usize;
+            let seen = |film: &Film| -> Vec<f64> {
+                film.pixels.iter().filter_map(|pixel| pixel.shadow[kind].visibility()).collect()
+            };
+            let (exact, hybrid) = (seen(&exact), seen(&hybrid));
+            let penumbra = exact.iter().filter(|&&v| v > 0.0 && v < 1.0).count();
+            assert!(penumbra > 30, "lamp {is_lamp}, {share}: {penumbra} pixels of penumbra");
+            let errors: Vec<f64> = exact.iter().zip(&hybrid).map(|(a, b)| (a - b).abs()).collect();
+            let worst = errors.iter().copied().fold(0.0, f64::max);
+            if share < 1.0 {
+                assert_eq!(worst, 0.0, "lamp {is_lamp}: triangles decide");
+            } else {
+                // A shift by a share of the width changes visibility by at most 1.3 of it, and sampling by some of 16.
+                assert!(worst > 0.0 && worst < 1.3 * TOLERANCE + 0.13, "lamp {is_lamp}: {worst}");
+            }
+        }
+    }
+}
+
+#[test]
+fn exact_and_hybrid_shadows_of_what_is_close_under_a_lamp_do_not_depend_on_voxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    let floor = DAffine3::from_translation(-DVec3::Y) * DAffine3::from_scale(DVec3::new(5.0, 0.1, 5.0));
+    // A lamp at a height of 4, and under it, by less than a voxel, a louvre that covers half of it.
+    let louvre = DAffine3::from_translation(DVec3::new(0.5, 3.99, 0.0))
+        * DAffine3::from_scale(DVec3::new(0.5, 0.002, 1.0));
+    let lamp = AreaLight {
+        corner: DVec3::new(-1.0, 4.0, -1.0),
+        edge_u: DVec3::X * 2.0,
+        edge_v: DVec3::Z * 2.0,
+        radiance: DVec3::ONE,
+    };
+    let lighting =
+        Lighting { key: KeyLight::None, sky: Sky::None, areas: vec![lamp], ..Lighting::headlight() };
+    let camera = above(DVec3::Y * 2.0, 48);
+    let film_at = |log2: u32, shadows: Shadows| {
+        build_model(placed(&[(cuboid(), floor), (cuboid(), louvre)]), log2, &path);
+        film(&load(&path), &camera, &settings(lighting.clone(), shadows, 4))
+    };
+    let exact = film_at(7, Shadows::Exact);
+    assert_eq!(exact, film_at(9, Shadows::Exact));
+    let RayCount { cast, free } = sum(&exact, LightKind::Area);
+    assert!(
+        cast > 5000 && free > cast / 3 && free < cast * 2 / 3,
+        "half of the lamp is covered: {free} of {cast}"
+    );
+    for log2 in [7, 9] {
+        let RayCount { free: found, .. } =
+            sum(&film_at(log2, Shadows::Hybrid { tolerance: 1.0 }), LightKind::Area);
+        assert!(found.abs_diff(free) < cast / 20, "2^{log2}: {found}, exact {free} of {cast}");
+    }
 }

@@ -11,13 +11,12 @@ use super::Failure;
 use super::numbers::{parse_resolution, parse_size};
 use super::output::{human_bytes, human_count, print_out, write_json, write_png};
 use super::progress::TerminalProgress;
-use super::render::default_sun;
 use crate::camera::{Camera, CameraRays, Projection};
 use crate::container::Axis;
 use crate::loaded::LoadedScene;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
 use crate::progress::Progress;
-use crate::render::{Lighting, RenderSettings, Shadows, render};
+use crate::render::{Lighting, RenderSettings, Shadows, Sun, render};
 use crate::report::Findings;
 use crate::sample::{PlantSettings, SampleCamera, cameras, plant};
 use crate::scene::Scene;
@@ -148,7 +147,7 @@ fn picture(
 ) -> Result<(), Failure> {
     let settings = RenderSettings {
         samples_per_pixel: 4,
-        lighting: Lighting::sunny(default_sun(DVec3::Y)),
+        lighting: Lighting::sunny(Sun::default_direction(DVec3::Y)),
         shadows: Shadows::HYBRID,
         up: DVec3::Y,
         seed: 0,

@@ -6,6 +6,7 @@ mod demo;
 mod find;
 mod generate;
 mod info;
+mod light;
 mod numbers;
 mod output;
 mod progress;

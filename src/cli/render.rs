@@ -1,27 +1,28 @@
 //! `voxsight render`: a picture or a sequence of them, object ids, or depth.
 
+use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use glam::DVec3;
-use serde::Deserialize;
-use xxhash_rust::xxh3::xxh3_128;
+use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 use super::Failure;
-use super::numbers::{Length, parse_frames, parse_length, parse_rays, parse_size, parse_vector};
-use super::output::{check_output, print_out, read_camera, write_json, write_png};
+use super::light::{KeyName, LightFlags, SkyName};
+use super::numbers::{parse_frames, parse_rays, parse_size};
+use super::output::{check_output, human_bytes, print_out, read_camera, write_json};
 use super::progress::TerminalProgress;
 use super::shadow_report::shadow_report;
 use crate::camera::Camera;
 use crate::lab::keyframes::CameraPath;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
-use crate::render::file::{Fingerprint, Format, Written, depth_range, render_to_file};
-use crate::render::{
-    AreaLight, DepthRange, KeyLight, LightKind, Lighting, MAX_SAMPLES, PIXELS_VERSION, RenderSettings,
-    Renderer, SUN_ANGLE_DEG, ShadowCost, Shadows, Sky, Sun,
+use crate::render::file::{
+    DepthRange, Fingerprint, Format, Written, depth_range_of, is_for_streams, render_to_file,
+    render_to_stream, unfinished,
 };
+use crate::render::{LightKind, MAX_SAMPLES, PIXELS_VERSION, RenderSettings, Renderer, ShadowCost};
 use crate::scene::Scene;
 
 /// Where the number of a frame stands in a name.
@@ -58,14 +59,15 @@ pub struct Render {
     /// Another seed, other samples
     #[arg(long, default_value = "0", value_name = "N")]
     seed: u32,
-    /// Bits a value of a PNG: 8 or 16
-    #[arg(long, default_value = "8", value_name = "BITS", value_parser = ["8", "16"])]
-    bits: String,
+    /// Bits a value of a PNG: 8 or 16 [default: 8]
+    #[arg(long, value_name = "BITS", value_parser = ["8", "16"])]
+    bits: Option<String>,
     /// Write object ids as colours instead: (id + 1) * 0x9E3779 mod 2^24, red lowest
-    #[arg(long, conflicts_with_all = ["depth", "light", "sun", "sun_angle", "sky", "areas", "fill", "shadows", "spp", "seed", "bits"])]
+    #[arg(long, conflicts_with_all = ["depth", "light", "sun", "sun_angle", "sky", "areas", "fill", "shadows", "shadow_tolerance", "spp", "seed", "bits"])]
     ids: bool,
-    /// Write depth instead: 16 bits, 0 = nothing, 1 = nearest, 65535 = farthest, linear; the range is printed
-    #[arg(long, conflicts_with_all = ["light", "sun", "sun_angle", "sky", "areas", "fill", "shadows", "spp", "seed", "bits"])]
+    /// Write depth instead: 16 bits, 0 = nothing, 1 = nearest, 65535 = farthest, linear; the range is printed, and stands in the
+    /// file as text
+    #[arg(long, conflicts_with_all = ["light", "sun", "sun_angle", "sky", "areas", "fill", "shadows", "shadow_tolerance", "spp", "seed", "bits"])]
     depth: bool,
     /// The picture to write: PNG, or EXR (linear, with depth, normals and object ids)
     #[arg(long, short, value_name = "OUT.png|OUT.exr", required_unless_present = "report")]
@@ -73,172 +75,6 @@ pub struct Render {
     /// Instead of a picture: every way of casting shadow rays against exact, as figures, chart and difference pictures
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "path", "ids", "depth", "save_camera", "shadows", "bits"])]
     report: Option<PathBuf>,
-}
-
-/// Flags about light and shadow.
-#[derive(Args)]
-struct LightFlags {
-    /// The strongest light
-    #[arg(long, default_value = "sun")]
-    light: KeyName,
-    /// Direction towards the sun, world axes; from the upper left by default
-    #[arg(long, value_parser = parse_vector, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    sun: Option<[f64; 3]>,
-    /// Angle across the sun, degrees: the wider, the softer its shadows; 0 for hard ones [default: 0.53]
-    #[arg(long, value_name = "DEG")]
-    sun_angle: Option<f64>,
-    /// The light from above: plain, none, or occluded by what is near (ambient occlusion) [default: plain]
-    #[arg(long)]
-    sky: Option<SkyName>,
-    /// How far away things occlude the sky, such as 5m [default: any distance]
-    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
-    sky_reach: Option<Length>,
-    /// Shining rectangles: a JSON list of {"corner":[x,y,z],"edge_u":[x,y,z],"edge_v":[x,y,z],"radiance":[r,g,b]}
-    #[arg(long, value_name = "AREAS.json")]
-    areas: Option<PathBuf>,
-    /// A little light from the eye and the side, so that shapes in the shade keep their form, 0 to 1 [default: 1 with a sun]
-    #[arg(long, value_name = "SHARE")]
-    fill: Option<f64>,
-    /// How shadows are found [default: hybrid]
-    #[arg(long)]
-    shadows: Option<ShadowName>,
-    /// With --shadows hybrid: by how much of its width a penumbra may be wrong, 0 to 1 [default: 0.0625]
-    #[arg(long, value_name = "SHARE")]
-    shadow_tolerance: Option<f64>,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum KeyName {
-    Headlight,
-    Sun,
-    None,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum SkyName {
-    Plain,
-    Occluded,
-    None,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ShadowName {
-    None,
-    /// Voxels only: quickest
-    Voxel,
-    /// Voxels far away, triangles where it matters
-    Hybrid,
-    /// Triangles only
-    Exact,
-}
-
-/// A rectangle as a file has it.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct AreaFile {
-    corner: [f64; 3],
-    edge_u: [f64; 3],
-    edge_v: [f64; 3],
-    radiance: [f64; 3],
-}
-
-impl LightFlags {
-    /// Refuses what does not go together.
-    fn check(&self) -> Result<(), Failure> {
-        let no_sun = self.sun.is_some() || self.sun_angle.is_some();
-        if self.light != KeyName::Sun && no_sun {
-            return Err("--sun and --sun-angle are about the sun: leave them out, or use --light sun".into());
-        }
-        let shadowy =
-            self.shadows.is_some() || self.sky.is_some() || self.areas.is_some() || self.fill.is_some();
-        if self.light == KeyName::Headlight && shadowy {
-            return Err(
-                "a headlight is all the light there is, and casts no shadows: leave out --shadows, --sky, \
-                        --areas and --fill, or use --light sun or none"
-                    .into(),
-            );
-        }
-        if self.sky_reach.is_some() && self.sky != Some(SkyName::Occluded) {
-            return Err("--sky-reach is about --sky occluded".into());
-        }
-        if self.shadow_tolerance.is_some() && !matches!(self.shadows, Some(ShadowName::Hybrid) | None) {
-            return Err("--shadow-tolerance is about --shadows hybrid".into());
-        }
-        if self.sun_angle.is_some_and(|angle| !(0.0..180.0).contains(&angle)) {
-            return Err("--sun-angle: expected 0 to 180 degrees".into());
-        }
-        if self.fill.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
-            return Err("--fill: expected 0 to 1".into());
-        }
-        if self.shadow_tolerance.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
-            return Err("--shadow-tolerance: expected 0 to 1".into());
-        }
-        if self.sun.is_some_and(|sun| DVec3::from(sun).try_normalize().is_none()) {
-            return Err("--sun: expected a direction, not 0,0,0".into());
-        }
-        Ok(())
-    }
-
-    /// The light; lengths are in model units.
-    fn lighting(&self, up: DVec3, metres_per_unit: f64) -> Result<Lighting, Failure> {
-        let key = match self.light {
-            KeyName::Headlight => return Ok(Lighting::headlight()),
-            KeyName::None => KeyLight::None,
-            KeyName::Sun => KeyLight::Sun(Sun {
-                direction: self.sun.map_or_else(|| default_sun(up), DVec3::from),
-                angle_deg: self.sun_angle.unwrap_or(SUN_ANGLE_DEG),
-            }),
-        };
-        let sky = match self.sky {
-            Some(SkyName::Plain) | None => Sky::Plain,
-            Some(SkyName::None) => Sky::None,
-            Some(SkyName::Occluded) => Sky::Occluded {
-                reach: self.sky_reach.map_or(f64::INFINITY, |length| length.in_units(metres_per_unit)),
-            },
-        };
-        let areas = self.areas.as_deref().map(read_areas).transpose()?.unwrap_or_default();
-        let fill = self.fill.unwrap_or(if self.light == KeyName::Sun { 1.0 } else { 0.0 });
-        Ok(Lighting { key, sky, areas, fill })
-    }
-
-    fn shadows(&self) -> Shadows {
-        match self.shadows {
-            Some(ShadowName::None) => Shadows::None,
-            Some(ShadowName::Voxel) => Shadows::Voxel,
-            Some(ShadowName::Exact) => Shadows::Exact,
-            Some(ShadowName::Hybrid) | None => match self.shadow_tolerance {
-                Some(tolerance) => Shadows::Hybrid { tolerance },
-                None => Shadows::HYBRID,
-            },
-        }
-    }
-}
-
-fn read_areas(path: &Path) -> Result<Vec<AreaLight>, Failure> {
-    const EXAMPLE: &str = r#"[{"corner":[0,0,3],"edge_u":[1,0,0],"edge_v":[0,-1,0],"radiance":[8,8,8]}]"#;
-    let told = |what: String| -> Failure {
-        format!("{}: {what}; expected a list such as {EXAMPLE}", path.display()).into()
-    };
-    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: cannot read: {e}", path.display()))?;
-    let areas: Vec<AreaFile> = serde_json::from_str(&text).map_err(|error| told(error.to_string()))?;
-    let area = |(number, area): (usize, AreaFile)| {
-        let AreaFile { corner, edge_u, edge_v, radiance } = area;
-        let light = AreaLight {
-            corner: corner.into(),
-            edge_u: edge_u.into(),
-            edge_v: edge_v.into(),
-            radiance: radiance.into(),
-        };
-        let across = light.edge_u.cross(light.edge_v);
-        if !(across.is_finite() && across.length() > 0.0 && light.corner.is_finite()) {
-            return Err(told(format!("rectangle {number} has no area")));
-        }
-        if !(light.radiance.is_finite() && light.radiance.min_element() >= 0.0) {
-            return Err(told(format!("rectangle {number} shines with {radiance:?}")));
-        }
-        Ok(light)
-    };
-    areas.into_iter().enumerate().map(area).collect()
 }
 
 impl Render {
@@ -269,43 +105,20 @@ impl Render {
         }
         let loaded = LoadedScene::new(scene, progress)?;
         let pixels = u64::from(camera.width) * u64::from(camera.height);
-        const STOPPED: &str = "stopped; nothing was written";
-        let picture = loaded.picture();
-        let renderer = Renderer::new(&picture, &rays, &settings);
-        let format = if self.depth {
-            progress.stage("range of depths", pixels, "pixels");
-            let range = depth_range(&renderer, progress).ok_or(STOPPED)?;
-            let DepthRange { near, far } = range;
-            let unit = &loaded.scene().meta().settings.unit;
-            let told = match near <= far {
-                true => format!("depth 1 = {near}, 65535 = {far} {unit}"),
-                false => "the picture shows nothing".to_owned(),
-            };
-            match output == Path::new("-") {
-                // The picture itself goes there.
-                true => eprintln!("{told}"),
-                false => print_out!("{told}")?,
-            }
-            Format::Depth(range)
-        } else {
-            format
-        };
         progress.stage("render", pixels, "pixels");
         if is_stream(output) {
-            // Nothing to go on from later: the whole picture at once.
-            let (film, _) = renderer.rows(0..camera.height, progress).ok_or(STOPPED)?;
-            progress.finish();
-            return match format {
-                Format::Png8 => write_png(output, &film.to_rgb8()),
-                Format::Ids => write_png(output, &film.to_ids(|d| loaded.scene().drawable_object(d))),
-                Format::Depth(range) => write_png(output, &film.to_depths(range)),
-                Format::Png16 | Format::Exr => {
-                    Err("to stdout, pipes and devices goes PNG with 8 bits; name a file for more".into())
-                }
-            };
+            let picture = loaded.picture();
+            let renderer = Renderer::new(&picture, &rays, &settings);
+            return stream(&renderer, output, format, &loaded, progress);
         }
         let written = self.picture(&loaded, &camera, &settings, (output, format), progress)?;
         progress.finish();
+        if format == Format::Depth
+            && let Some(DepthRange { near, far }) = depth_range_of(output)
+            && near <= far
+        {
+            print_out!("depth 1 = {near}, 65535 = {far} {}", loaded.scene().meta().settings.unit)?;
+        }
         tell(output, &written)
     }
 
@@ -341,15 +154,23 @@ impl Render {
         }
         let is_exr = output.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
         if is_exr && !self.ids && !self.depth {
+            if self.bits.is_some() {
+                return Err("--bits is about PNG: EXR has 16-bit floats".into());
+            }
             check_output(output, "exr")?;
             return Ok(Format::Exr);
         }
         check_output(output, "png")?;
-        Ok(match self.bits.as_str() {
+        let format = match self.bits.as_deref() {
             _ if self.ids => Format::Ids,
-            "16" => Format::Png16,
+            _ if self.depth => Format::Depth,
+            Some("16") => Format::Png16,
             _ => Format::Png8,
-        })
+        };
+        if is_stream(output) && !is_for_streams(format) {
+            return Err("--depth needs a file: its range is known at the end; name one".into());
+        }
+        Ok(format)
     }
 
     fn settings(&self, scene: &Scene) -> Result<RenderSettings, Failure> {
@@ -360,13 +181,15 @@ impl Render {
         }
         let metres = super::numbers::metres_of_unit(&settings.unit)
             .ok_or_else(|| format!("the scene's unit \"{}\" is not known", settings.unit))?;
-        Ok(RenderSettings {
+        let settings = RenderSettings {
             samples_per_pixel: self.spp.first().copied().unwrap_or(1),
             lighting: self.light.lighting(up, metres)?,
             shadows: self.light.shadows(),
             up,
             seed: self.seed,
-        })
+        };
+        settings.check()?;
+        Ok(settings)
     }
 
     /// The cameras of all frames.
@@ -399,9 +222,9 @@ impl Render {
             let name = output.to_string_lossy().replace(FRAME, &format!("{frame:0digits$}"));
             let pixels = u64::from(camera.width) * u64::from(camera.height);
             progress.stage(&format!("frame {frame} of {}", cameras.len()), pixels, "pixels");
-            // Other samples in each frame: noise that stands still would look like dirt on the glass.
-            let settings =
-                RenderSettings { seed: settings.seed.wrapping_add(frame as u32), ..settings.clone() };
+            // Other samples in each frame, noise that stands still would look like dirt on the glass; and none of another seed's.
+            let seed = xxh3_64(format!("{} {frame}", settings.seed).as_bytes()) as u32;
+            let settings = RenderSettings { seed, ..settings.clone() };
             match self.picture(loaded, camera, &settings, (Path::new(&name), format), progress)? {
                 Written::New { .. } => new += 1,
                 Written::Before => before += 1,
@@ -440,8 +263,35 @@ fn is_stream(path: &Path) -> bool {
     path == Path::new("-") || crate::atomic_file::is_special(path)
 }
 
+/// Renders into stdout, a pipe or a device.
+fn stream(
+    renderer: &Renderer,
+    output: &Path,
+    format: Format,
+    loaded: &LoadedScene,
+    progress: &TerminalProgress,
+) -> Result<(), Failure> {
+    let object_of = |drawable| loaded.scene().drawable_object(drawable);
+    let written = match output == Path::new("-") {
+        true => render_to_stream(renderer, format, &object_of, &mut std::io::stdout().lock(), progress),
+        false => File::options()
+            .write(true)
+            .open(output)
+            .and_then(|mut file| render_to_stream(renderer, format, &object_of, &mut file, progress)),
+    };
+    progress.finish();
+    written.map_err(|error| match progress.is_cancelled() {
+        true => "stopped".into(),
+        false => format!("{}: cannot write: {error}", output.display()).into(),
+    })
+}
+
 /// What came of a picture, for people.
 fn tell(path: &Path, written: &Written) -> Result<(), Failure> {
+    for part in unfinished(path) {
+        let bytes = part.metadata().map_or(0, |metadata| metadata.len());
+        print_out!("{}: unfinished, with other settings ({})", part.display(), human_bytes(bytes))?;
+    }
     match written {
         Written::Before => print_out!("{}: is this picture already", path.display()),
         Written::New { resumed_rows, cost } => {
@@ -457,7 +307,7 @@ fn tell_cost(cost: &ShadowCost) -> Result<(), Failure> {
     for kind in LightKind::ALL {
         let (rays, time) = (cost.rays[kind as usize], cost.time[kind as usize].as_secs_f64());
         if rays > 0 && time > 0.0 {
-            let name = format!("{kind:?}").to_lowercase();
+            let name = kind.name();
             let rate = rays as f64 / time * 1e-6;
             print_out!("{name}: {:.1} M shadow rays, {rate:.2} M a second and thread", rays as f64 * 1e-6)?;
         }
@@ -471,12 +321,6 @@ pub(super) fn camera_or_overview(path: Option<&Path>, scene: &Scene) -> Result<C
         Some(path) => read_camera(path),
         None => Ok(overview(scene)),
     }
-}
-
-/// High up and to the side.
-pub(super) fn default_sun(up: DVec3) -> DVec3 {
-    let side = DVec3::new(up.y, up.z, up.x);
-    up + 0.45 * side + 0.3 * up.cross(side)
 }
 
 /// The whole scene from a corner above.

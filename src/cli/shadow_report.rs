@@ -17,7 +17,7 @@ use crate::lab::shadows::{
     FORMAT, KindTime, Picture, PictureReport, ShadowOutcome, ShadowRun, chart, difference, flip,
 };
 use crate::loaded::LoadedScene;
-use crate::render::{RenderSettings, Shadows};
+use crate::render::{KeyLight, RenderSettings, Shadows, Sky};
 use crate::scene::Scene;
 
 #[derive(Serialize)]
@@ -27,11 +27,71 @@ struct Report<'a> {
     files: Vec<String>,
     scenes: Vec<String>,
     camera: &'a Camera,
-    settings: String,
+    light: LightReport,
     converged_samples: u32,
     pictures: Vec<&'a PictureReport>,
     /// What differs from run to run: in the order of the pictures, light by light.
     times: Vec<&'a [KindTime]>,
+}
+
+/// What shines, as a report tells it: world space, model units.
+#[derive(Serialize)]
+struct LightReport {
+    /// Towards the sun; missing where there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sun: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sun_angle_deg: Option<f64>,
+    /// `none`, `plain` or `occluded`.
+    sky: &'static str,
+    /// Missing where the sky is occluded from any distance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sky_reach: Option<f64>,
+    areas: Vec<AreaReport>,
+    /// Of `hybrid`: share of a penumbra's width.
+    tolerance: Option<f64>,
+    seed: u32,
+}
+
+#[derive(Serialize)]
+struct AreaReport {
+    corner: [f64; 3],
+    edge_u: [f64; 3],
+    edge_v: [f64; 3],
+    radiance: [f64; 3],
+}
+
+impl LightReport {
+    fn new(settings: &RenderSettings) -> Self {
+        let sun = match settings.lighting.key {
+            KeyLight::Sun(sun) => Some(sun),
+            KeyLight::Headlight | KeyLight::None => None,
+        };
+        let (sky, sky_reach) = match settings.lighting.sky {
+            Sky::None => ("none", None),
+            Sky::Plain => ("plain", None),
+            Sky::Occluded { reach } => ("occluded", reach.is_finite().then_some(reach)),
+        };
+        let areas = settings.lighting.areas.iter().map(|area| AreaReport {
+            corner: area.corner.into(),
+            edge_u: area.edge_u.into(),
+            edge_v: area.edge_v.into(),
+            radiance: area.radiance.into(),
+        });
+        let tolerance = match settings.shadows {
+            Shadows::Hybrid { tolerance } => Some(tolerance),
+            Shadows::None | Shadows::Voxel | Shadows::Exact => None,
+        };
+        LightReport {
+            sun: sun.map(|sun| sun.direction.into()),
+            sun_angle_deg: sun.map(|sun| sun.angle_deg),
+            sky,
+            sky_reach,
+            areas: areas.collect(),
+            tolerance,
+            seed: settings.seed,
+        }
+    }
 }
 
 /// Renders, judges, writes the folder and prints the figures.
@@ -50,11 +110,7 @@ pub fn shadow_report(
     if let [first, others @ ..] = scenes.as_slice() {
         others.iter().try_for_each(|other| check_same_model(first, other))?;
     }
-    let tolerance = match settings.shadows {
-        Shadows::Hybrid { tolerance } => tolerance,
-        _ => 0.0,
-    };
-    let run = ShadowRun { scenes: &scenes, camera: &rays, settings, samples, tolerance };
+    let run = ShadowRun { scenes: &scenes, camera: &rays, settings, samples };
     let outcome = run.run(progress).ok_or("stopped; nothing was written")?;
     progress.finish();
     let mut files = pictures(&outcome)?;
@@ -66,7 +122,7 @@ pub fn shadow_report(
         files: files.iter().map(|(name, _)| name.clone()).chain([REPORT_JSON.to_owned()]).collect(),
         scenes: scenes.iter().map(|scene| scene.scene().container().path().display().to_string()).collect(),
         camera,
-        settings: format!("{settings:?}"),
+        light: LightReport::new(settings),
         converged_samples: outcome.converged_samples,
         pictures: reports.iter().collect(),
         times: reports.iter().map(|picture| picture.time.as_slice()).collect(),

@@ -222,6 +222,11 @@ impl ExactScene {
         (self.centre + min.as_dvec3(), self.centre + max.as_dvec3())
     }
 
+    /// Largest side of the scene's box, world units.
+    pub fn largest_side(&self) -> f64 {
+        (self.max - self.min).max_element()
+    }
+
     /// Triangles of one drawable.
     pub fn triangle_count(&self, drawable: u32) -> u32 {
         self.chunks[self.instances[drawable as usize].chunk as usize].triangle_count()

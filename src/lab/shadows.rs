@@ -146,12 +146,10 @@ pub struct ShadowRun<'a> {
     pub scenes: &'a [LoadedScene],
     /// Where from.
     pub camera: &'a CameraRays,
-    /// Light, and everything but samples and shadows.
+    /// Light, and everything but samples; [`Shadows::Hybrid`] as it shall be compared, or the usual one.
     pub settings: &'a RenderSettings,
     /// Samples per pixel, one after the other.
     pub samples: &'a [u32],
-    /// [`Shadows::Hybrid`]'s tolerance.
-    pub tolerance: f64,
 }
 
 /// All pictures of a run.
@@ -162,15 +160,6 @@ pub struct ShadowOutcome {
     pub converged: Film,
     /// Its samples per pixel.
     pub converged_samples: u32,
-}
-
-/// Name of a kind of light.
-fn name(kind: LightKind) -> &'static str {
-    match kind {
-        LightKind::Sun => "sun",
-        LightKind::Sky => "sky",
-        LightKind::Area => "area",
-    }
 }
 
 impl ShadowRun<'_> {
@@ -198,7 +187,10 @@ impl ShadowRun<'_> {
             pictures.push(Picture { report, film: keep(&exact) });
             for scene in self.scenes {
                 let side = scene.scene().grid().side();
-                let hybrid = Shadows::Hybrid { tolerance: self.tolerance };
+                let hybrid = match self.settings.shadows {
+                    hybrid @ Shadows::Hybrid { .. } => hybrid,
+                    _ => Shadows::HYBRID,
+                };
                 for (shadows, way) in [(Shadows::Voxel, "voxel"), (hybrid, "hybrid")] {
                     let told = format!("{way} {side}\u{b3}, {samples} samples");
                     let (film, cost) = self.picture(scene, &settings(shadows), &told, progress)?;
@@ -234,7 +226,7 @@ fn picture_report(
 ) -> PictureReport {
     let kinds = LightKind::ALL.into_iter().filter(|&kind| cost.rays[kind as usize] > 0);
     let light = |kind: LightKind| KindReport {
-        light: name(kind),
+        light: kind.name(),
         rays: cost.rays[kind as usize],
         same_samples: exact.map(|exact| shadow_errors(film, exact, kind)),
         converged: shadow_errors(film, converged, kind),
@@ -341,7 +333,7 @@ fn panel(name: &str, pictures: &[PictureReport], light: &str) -> Chart {
         }
     }
     Chart {
-        title: format!("{name}shadows of the {light}, time against error by samples per pixel"),
+        title: format!("{name}shadows of the {light}, by samples a pixel"),
         x: Axis {
             label: "seconds of shadow rays, threads together".into(),
             name: plain,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use image::{ImageBuffer, Luma, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 
 use crate::model::Colour;
 
@@ -42,6 +42,15 @@ pub const KINDS: usize = 3;
 impl LightKind {
     /// All.
     pub const ALL: [Self; KINDS] = [LightKind::Sun, LightKind::Sky, LightKind::Area];
+
+    /// As it stands in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            LightKind::Sun => "sun",
+            LightKind::Sky => "sky",
+            LightKind::Area => "area",
+        }
+    }
 }
 
 /// Shadow rays of a pixel towards a kind of light.
@@ -82,39 +91,6 @@ pub struct Film {
     pub pixels: Vec<FilmPixel>,
 }
 
-/// The range of a depth image, model units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DepthRange {
-    /// Least depth of the picture; infinite when it shows nothing.
-    pub near: f32,
-    /// Greatest depth.
-    pub far: f32,
-}
-
-impl DepthRange {
-    /// Of nothing.
-    pub const EMPTY: Self = DepthRange { near: f32::INFINITY, far: 0.0 };
-
-    /// With a pixel more.
-    fn with(self, pixel: &FilmPixel) -> Self {
-        if pixel.depth == f32::INFINITY {
-            return self;
-        }
-        DepthRange { near: self.near.min(pixel.depth), far: self.far.max(pixel.depth) }
-    }
-
-    /// 0 where there is nothing; 1 to 65,535 from near to far, linear.
-    fn grey(self, depth: f32) -> u16 {
-        let DepthRange { near, far } = self;
-        let [depth, near, far] = [depth, near, far].map(f64::from);
-        if depth.is_infinite() {
-            return 0;
-        }
-        // In range but for depths of another picture: the conversion saturates.
-        1 + ((depth - near) / (far - near).max(f64::MIN_POSITIVE) * 65_534.0).round() as u16
-    }
-}
-
 /// The colour of an object in [`Film::to_ids`]: 24 bits, red lowest, of `(id + 1) * 0x9E3779 mod 2^24` (invertible, and
 /// neighbours differ to the eye).
 pub fn id_colour(object: u32) -> [u8; 3] {
@@ -128,11 +104,6 @@ impl Film {
         self.rows.end.saturating_sub(self.rows.start)
     }
 
-    /// Range of its depths together with those of other rows.
-    pub fn depth_range(&self, of_others: DepthRange) -> DepthRange {
-        self.pixels.iter().fold(of_others, DepthRange::with)
-    }
-
     /// What a click on each pixel would pick, as colours ([`id_colour`]); black where nothing is. Transparent objects count as
     /// opaque here.
     pub fn to_ids(&self, object_of: impl Fn(u32) -> u32) -> RgbImage {
@@ -140,11 +111,6 @@ impl Film {
             NOBODY => Rgb([0; 3]),
             drawable => Rgb(id_colour(object_of(drawable))),
         })
-    }
-
-    /// Depths: 0 where there is nothing, 1 to 65,535 from near to far, linear.
-    pub fn to_depths(&self, range: DepthRange) -> ImageBuffer<Luma<u16>, Vec<u16>> {
-        self.image(|pixel| Luma([range.grey(pixel.depth)]))
     }
 
     /// As a picture for screens: sRGB, 8 bits, brighter than white is white.
@@ -156,8 +122,8 @@ impl Film {
         })
     }
 
-    fn image<P: image::Pixel>(&self, of: impl Fn(&FilmPixel) -> P) -> ImageBuffer<P, Vec<P::Subpixel>> {
-        ImageBuffer::from_fn(self.width, self.height(), |x, y| {
+    fn image(&self, of: impl Fn(&FilmPixel) -> Rgb<u8>) -> RgbImage {
+        RgbImage::from_fn(self.width, self.height(), |x, y| {
             of(&self.pixels[y as usize * self.width as usize + x as usize])
         })
     }

@@ -54,7 +54,7 @@ pub enum Sky {
     },
 }
 
-/// A rectangle that shines to the side of `edge_u x edge_v`.
+/// A rectangle, or any parallelogram, that shines to the side of `edge_u x edge_v`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaLight {
     /// One corner, world space.
@@ -96,6 +96,12 @@ impl Lighting {
 }
 
 impl Sun {
+    /// Where the sun stands when nobody says otherwise: half way up, fixed in the world's axes.
+    pub fn default_direction(up: DVec3) -> DVec3 {
+        let side = DVec3::new(up.y, up.z, up.x);
+        up + 0.43 * side - 0.34 * up.cross(side)
+    }
+
     /// Colour and strength: what a white surface that faces it reflects.
     const REFLECTED: DVec3 = DVec3::new(0.85, 0.8245, 0.765);
 
@@ -125,19 +131,16 @@ impl AreaLight {
         let direction = to_light / distance;
         let across = self.edge_u.cross(self.edge_v);
         let facing = normal.dot(direction);
-        // Its area times the cosine on its side.
+        // Its area times the cosine on its side: its area as seen from here.
         let seen = -across.dot(direction);
+        let (edge_u_seen, edge_v_seen) =
+            (self.edge_u.reject_from_normalized(direction), self.edge_v.reject_from_normalized(direction));
         (facing > 0.0 && seen > 0.0 && distance > 0.0).then(|| LightSample {
             direction,
             distance,
             reflected: self.radiance * (facing * seen / (std::f64::consts::PI * distance * distance)),
-            // A strip is as wide as it is narrow, and as narrow as it looks from here.
-            spread: self
-                .edge_u
-                .reject_from(direction)
-                .length()
-                .min(self.edge_v.reject_from(direction).length())
-                / distance,
+            // As narrow as the strip between its longer edges looks from here.
+            spread: seen / (distance * edge_u_seen.length().max(edge_v_seen.length()).max(f64::MIN_POSITIVE)),
             lamp: across.normalize_or_zero(),
         })
     }

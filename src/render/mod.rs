@@ -19,7 +19,7 @@ use std::time::Duration;
 use glam::DVec3;
 use image::RgbImage;
 
-pub use film::{DepthRange, Film, FilmPixel, KINDS, LightKind, NOBODY, RayCount, id_colour};
+pub use film::{Film, FilmPixel, KINDS, LightKind, NOBODY, RayCount, id_colour};
 pub use light::{AreaLight, KeyLight, Lighting, SUN_ANGLE_DEG, Sky, Sun};
 pub use sampling::MAX_SAMPLES;
 pub use shadow::Shadows;
@@ -32,7 +32,7 @@ use shade::{PixelTile, Shader, TILE, TileScratch};
 
 /// Version of what is rendered: another one wherever the same settings give other pixels, so that no picture is taken for the
 /// same and none is finished with rows of both.
-pub const PIXELS_VERSION: u32 = 2;
+pub const PIXELS_VERSION: u32 = 3;
 
 /// How a picture is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +48,11 @@ pub struct RenderSettings {
     /// Another seed, other samples.
     pub seed: u32,
 }
+
+/// Why no picture can be made.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("cannot render with {0}")]
+pub struct SettingsError(String);
 
 /// What shadow rays took, by kind of light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -99,7 +104,15 @@ impl RenderSettings {
         }
     }
 
-    /// What is wrong with them, if anything.
+    /// Can a picture be made with them?
+    ///
+    /// # Errors
+    ///
+    /// Samples, angles, lengths or light out of the ranges that they say; a zero direction.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        self.fault().map_or(Ok(()), |fault| Err(SettingsError(fault)))
+    }
+
     fn fault(&self) -> Option<String> {
         let Lighting { key, sky, areas, fill } = &self.lighting;
         if !(1..=MAX_SAMPLES).contains(&self.samples_per_pixel) {
@@ -128,13 +141,17 @@ impl RenderSettings {
             !(across.is_finite()
                 && across.length() > 0.0
                 && area.corner.is_finite()
-                && area.radiance.is_finite())
+                && area.radiance.is_finite()
+                && area.radiance.min_element() >= 0.0)
         };
         if let Some(area) = areas.iter().find(|area| is_bad(area)) {
-            return Some(format!("a rectangle without area or with endless numbers: {area:?}"));
+            return Some(format!("a rectangle without area, or with endless or negative light: {area:?}"));
         }
-        if self.up.try_normalize().is_none() || !fill.is_finite() {
-            return Some(format!("up {} and fill {fill}; expected a direction and a number", self.up));
+        if !(0.0..=1.0).contains(fill) {
+            return Some(format!("a fill of {fill}; expected 0 to 1"));
+        }
+        if self.up.try_normalize().is_none() {
+            return Some(format!("up {}; expected a direction", self.up));
         }
         None
     }
@@ -145,7 +162,7 @@ impl<'a> Renderer<'a> {
     ///
     /// # Panics
     ///
-    /// Settings that make no picture: samples, angles, lengths out of the ranges that they say, a zero direction.
+    /// Settings that [`RenderSettings::check`] refuses.
     pub fn new(scene: &'a RenderScene<'a>, camera: &'a CameraRays, settings: &'a RenderSettings) -> Self {
         let fault = settings.fault();
         assert!(fault.is_none(), "cannot render with {}", fault.unwrap_or_default());

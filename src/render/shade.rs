@@ -363,7 +363,7 @@ impl<'a> Shader<'a> {
             let started = Instant::now();
             rays_to_light.clear();
             rays_to_light.extend(packet.iter().map(|waiting| waiting.ray));
-            let stopped = self.shadows.stopped(rays_to_light, kind != LightKind::Sky, shadow);
+            let stopped = self.shadows.stopped(rays_to_light, kind, shadow);
             cost.add(kind, packet.len() as u64, started.elapsed());
             for (ray, Waiting { pixel, light, .. }) in packet.iter().enumerate() {
                 let RayCount { cast, free } = &mut film[*pixel].shadow[kind as usize];

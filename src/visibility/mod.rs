@@ -43,6 +43,7 @@ use crate::progress::{Progress, Silent};
 use crate::ray::Ray;
 use source::{ImageRays, RaySource};
 use tally::{Tally, TallyPool};
+pub(crate) use voxel::grid_ray;
 
 /// How visibility is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -8,7 +8,7 @@ use super::{QueryScene, RayQuery};
 use crate::ray::Ray;
 
 /// The same ray in voxel units; `t` stays.
-pub(super) fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
+pub(crate) fn grid_ray(scene: &QueryScene, ray: &Ray) -> GridRay {
     GridRay {
         origin: scene.grid.grid_from_world(ray.origin),
         direction: ray.direction / scene.grid.voxel_size,

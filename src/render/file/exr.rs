@@ -1,6 +1,6 @@
 //! OpenEXR: one layer with named channels, 16 lines to a ZIP-compressed block.
 
-use std::io::{self, BufWriter};
+use std::io::{self, Seek, Write};
 use std::ops::Range;
 use std::path::Path;
 
@@ -15,7 +15,6 @@ use exr::prelude::f16;
 use rayon::prelude::*;
 
 use super::{BLOCK_ROWS, Film, Fingerprint, KEYWORD, open};
-use crate::atomic_file::AtomicFile;
 use crate::render::{FilmPixel, NOBODY};
 
 /// Bytes of a pixel: six channels of two, two of four.
@@ -36,7 +35,9 @@ const CHANNELS: [(&str, SampleType); 8] = [
 /// The rows as a block has them: line by line, channel by channel, in the order of this machine's bytes.
 pub(super) fn encode(film: &Film, object_of: &dyn Fn(u32) -> u32) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(film.pixels.len() * BYTES);
-    let half = |value: f32| f16::from_f32(value).to_ne_bytes();
+    // A lamp seen from next to it can be brighter than that, and infinity would spread over the picture when it is filtered.
+    let most = f16::MAX.to_f32();
+    let half = |value: f32| f16::from_f32(value.clamp(-most, most)).to_ne_bytes();
     for line in film.pixels.chunks(film.width.max(1) as usize) {
         let halves: [fn(&FilmPixel) -> f32; 6] = [
             |pixel| pixel.colour[2],
@@ -61,12 +62,11 @@ pub(super) fn encode(film: &Film, object_of: &dyn Fn(u32) -> u32) -> Vec<u8> {
 
 /// Writes rows that [`encode`] made.
 pub(super) fn write(
-    file: AtomicFile,
+    file: &mut (impl Write + Seek),
     [width, height]: [u32; 2],
     fingerprint: Fingerprint,
     rows: &mut dyn FnMut(Range<u32>) -> io::Result<Vec<u8>>,
-) -> io::Result<AtomicFile> {
-    let mut file = BufWriter::new(file);
+) -> io::Result<()> {
     let channels = CHANNELS.iter().map(|&(name, kind)| ChannelDescription::new(name, kind, false));
     let header = Header::new(Text::from("voxsight"), (width as usize, height as usize), channels.collect());
     let mut header =
@@ -76,7 +76,7 @@ pub(super) fn write(
         .other
         .insert(Text::from(KEYWORD), AttributeValue::Text(Text::from(fingerprint.text().as_str())));
     let mut failed = None;
-    let written = exr::block::write(&mut file, [header].into_iter().collect(), true, |meta, chunks| {
+    let written = exr::block::write(file, [header].into_iter().collect(), true, |meta, chunks| {
         // A few blocks at a time are in memory, as many as there are threads to compress them.
         let blocks: Vec<_> = exr::block::enumerate_ordered_header_block_indices(&meta.headers).collect();
         for group in blocks.chunks(rayon::current_num_threads()) {
@@ -105,7 +105,7 @@ pub(super) fn write(
         (Some(error), _) => Err(error),
         (None, Err(exr::error::Error::Io(error))) => Err(error),
         (None, Err(error)) => Err(io::Error::other(error)),
-        (None, Ok(())) => file.into_inner().map_err(io::IntoInnerError::into_error),
+        (None, Ok(())) => Ok(()),
     }
 }
 

@@ -5,20 +5,23 @@
 //! was stopped or killed goes on after its last whole band when the same picture is asked for again; a finished picture of the
 //! same scene and settings is left as it is. Both are known by a fingerprint, which the picture carries.
 
+mod depth;
 mod exr;
 mod part;
 mod png;
 
 use std::fs::File;
-use std::io;
+use std::io::{self, BufWriter};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::shade::TILE;
-use super::{DepthRange, Film, Renderer, ShadowCost};
+use super::{Film, Renderer, ShadowCost};
 use crate::atomic_file::AtomicFile;
 use crate::progress::Progress;
+pub use depth::DepthRange;
 use part::PartFile;
+use xxhash_rust::xxh3::xxh3_128;
 
 /// Pixels of a band, at most, but for one row of tiles: what is in memory.
 const BAND_PIXELS: u64 = 1 << 20;
@@ -30,19 +33,20 @@ const BAND_SAMPLES: u64 = 1 << 24;
 const BLOCK_ROWS: u32 = 16;
 
 /// How a picture is stored.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// sRGB for screens, 8 bits.
     Png8,
     /// sRGB, 16 bits.
     Png16,
-    /// Linear, unclipped: R, G, B and the normal N.X, N.Y, N.Z in 16-bit floats; Z, the depth along the view, in 32 (infinite
+    /// Linear, brighter than white up to 65,504: R, G, B and the normal N.X, N.Y, N.Z in 16-bit floats; Z, the depth along the view, in 32 (infinite
     /// where there is nothing); id, the object, in 32-bit integers (4294967295 where there is nothing).
     Exr,
     /// PNG of objects as colours ([`crate::render::id_colour`]), of pixels' middles.
     Ids,
-    /// PNG of depths, 16 bits grey: 0 where there is nothing, 1 to 65,535 from near to far; of pixels' middles.
-    Depth(DepthRange),
+    /// PNG of depths, 16 bits grey: 0 where there is nothing, 1 to 65,535 from near to far, linear; of pixels' middles. The
+    /// range is in it as text under "voxsight-depth": near and far, model units.
+    Depth,
 }
 
 /// What tells one picture from every other: scene, camera, settings.
@@ -50,6 +54,13 @@ pub enum Format {
 pub struct Fingerprint(pub u128);
 
 impl Fingerprint {
+    /// The format is part of what tells pictures apart.
+    fn of_format(self, format: Format) -> Self {
+        let mut bytes = self.0.to_le_bytes().to_vec();
+        bytes.push(format as u8);
+        Fingerprint(xxh3_128(&bytes))
+    }
+
     /// As it stands in files.
     fn text(self) -> String {
         format!("{:032x}", self.0)
@@ -58,6 +69,9 @@ impl Fingerprint {
 
 /// The keyword of the fingerprint in pictures.
 const KEYWORD: &str = "voxsight";
+
+/// The keyword of the range of depths.
+const DEPTH_KEYWORD: &str = "voxsight-depth";
 
 /// What came of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,10 +91,14 @@ pub enum Written {
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     /// Stopped on request. What was rendered is kept.
-    #[error("{path}: stopped after {done} of {rows} rows; the same command goes on from there")]
+    #[error(
+        "{path}: stopped after {done} of {rows} rows; the same command goes on from there (they are in {part})"
+    )]
     Stopped {
         /// The picture.
         path: PathBuf,
+        /// What keeps the rows.
+        part: PathBuf,
         /// Rows rendered.
         done: u32,
         /// Rows in all.
@@ -92,6 +110,9 @@ pub enum PictureError {
     /// Where the part file should be is a file of somebody else.
     #[error("{0}: expected a part file of an unfinished picture, found something else: move it away")]
     Foreign(PathBuf),
+    /// Another process has written into the part file, on a drive that cannot lock files.
+    #[error("{0}: two processes have written into it; run one of them again, alone")]
+    Mixed(PathBuf),
     /// A file.
     #[error("{path}: cannot {doing}: {source}")]
     Io {
@@ -117,30 +138,30 @@ impl Format {
             Format::Png8 => png::Layout::COLOURS_8.bytes(),
             Format::Png16 => png::Layout::COLOURS_16.bytes(),
             Format::Ids => png::Layout::IDS.bytes(),
-            Format::Depth(_) => png::Layout::DEPTHS.bytes(),
+            Format::Depth => depth::BYTES,
             Format::Exr => exr::BYTES,
         };
         pixel * width as usize
     }
 
-    /// Tells formats of the same picture apart.
-    fn number(self) -> u128 {
+    /// How PNG has it; `None` for OpenEXR.
+    fn layout(self) -> Option<png::Layout> {
         match self {
-            Format::Png8 => 0,
-            Format::Png16 => 1,
-            Format::Exr => 2,
-            Format::Ids => 3,
-            Format::Depth(_) => 4,
+            Format::Png8 => Some(png::Layout::COLOURS_8),
+            Format::Png16 => Some(png::Layout::COLOURS_16),
+            Format::Ids => Some(png::Layout::IDS),
+            Format::Depth => Some(png::Layout::DEPTHS),
+            Format::Exr => None,
         }
     }
 
-    /// The rows as the encoder takes them.
+    /// The rows as the encoder takes them; depths raw.
     fn encode(self, film: &Film, object_of: &dyn Fn(u32) -> u32) -> Vec<u8> {
         match self {
             Format::Png8 => png::encode_8(film),
             Format::Png16 => png::encode_16(film),
             Format::Ids => film.to_ids(object_of).into_raw(),
-            Format::Depth(range) => png::high_byte_first(&film.to_depths(range)),
+            Format::Depth => film.pixels.iter().flat_map(|pixel| pixel.depth.to_le_bytes()).collect(),
             Format::Exr => exr::encode(film, object_of),
         }
     }
@@ -150,7 +171,7 @@ impl Format {
         // Whatever cannot be read is not the picture, and is replaced like any other file.
         let text = match self {
             Format::Exr => exr::keyword(path),
-            _ => png::keyword(path),
+            _ => png::text(path, KEYWORD),
         }?;
         u128::from_str_radix(&text, 16).ok().map(Fingerprint)
     }
@@ -171,8 +192,7 @@ pub fn render_to_file(
     progress: &dyn Progress,
 ) -> Result<Written, PictureError> {
     let (width, height) = renderer.camera.size();
-    // The format is part of what tells pictures apart.
-    let fingerprint = Fingerprint(fingerprint.0 ^ format.number());
+    let fingerprint = fingerprint.of_format(format);
     let is_finished = || format.fingerprint_of(path) == Some(fingerprint);
     let before = || {
         progress.advance(u64::from(width) * u64::from(height));
@@ -188,35 +208,27 @@ pub fn render_to_file(
         part.remove()?;
         return before();
     }
+    let stopped = |part: &PartFile| PictureError::Stopped {
+        path: path.to_owned(),
+        part: part.path().to_owned(),
+        done: part.rows(),
+        rows: height,
+    };
     let resumed_rows = part.rows();
     progress.advance(u64::from(width) * u64::from(resumed_rows));
     let mut cost = ShadowCost::default();
     while part.rows() < height {
         let rows = part.rows()..(part.rows() + band_rows).min(height);
         let Some((film, band_cost)) = renderer.rows(rows, progress) else {
-            let (path, done) = (path.to_owned(), part.rows());
-            return Err(PictureError::Stopped { path, done, rows: height });
+            return Err(stopped(&part));
         };
         cost.merge(&band_cost);
         part.append(&format.encode(&film, object_of))?;
     }
+    part.check()?;
     let file = AtomicFile::create(path).map_err(PictureError::io(path, "write"))?;
-    let mut rows = |range: Range<u32>| match progress.is_cancelled() {
-        true => Err(io::ErrorKind::Interrupted.into()),
-        false => part.read(range),
-    };
-    let size = [width, height];
-    let file = match format {
-        Format::Png8 => png::write(file, size, png::Layout::COLOURS_8, fingerprint, &mut rows),
-        Format::Png16 => png::write(file, size, png::Layout::COLOURS_16, fingerprint, &mut rows),
-        Format::Ids => png::write(file, size, png::Layout::IDS, fingerprint, &mut rows),
-        Format::Depth(_) => png::write(file, size, png::Layout::DEPTHS, fingerprint, &mut rows),
-        Format::Exr => exr::write(file, size, fingerprint, &mut rows),
-    };
-    let file = match file {
-        Err(_) if progress.is_cancelled() => {
-            return Err(PictureError::Stopped { path: path.to_owned(), done: height, rows: height });
-        }
+    let file = match encode(file, format, [width, height], fingerprint, &mut part, progress) {
+        Err(_) if progress.is_cancelled() => return Err(stopped(&part)),
         file => file.map_err(PictureError::io(path, "write"))?,
     };
     file.commit().map_err(|error| PictureError::io(path, "write")(error.into()))?;
@@ -224,15 +236,72 @@ pub fn render_to_file(
     Ok(Written::New { resumed_rows, cost })
 }
 
-/// Range of a picture's depths, a band at a time, before [`Format::Depth`] can be written; `None` when cancelled. Tells `progress`
-/// of pixels.
-pub fn depth_range(renderer: &Renderer, progress: &dyn Progress) -> Option<DepthRange> {
+/// Encodes a part file that is whole.
+fn encode(
+    file: AtomicFile,
+    format: Format,
+    size: [u32; 2],
+    fingerprint: Fingerprint,
+    part: &mut PartFile,
+    progress: &dyn Progress,
+) -> io::Result<AtomicFile> {
+    let mut file = BufWriter::new(file);
+    let mut read = |range: Range<u32>| match progress.is_cancelled() {
+        true => Err(io::ErrorKind::Interrupted.into()),
+        false => part.read(range),
+    };
+    let mut texts = vec![(KEYWORD, fingerprint.text())];
+    match format.layout() {
+        None => exr::write(&mut file, size, fingerprint, &mut read)?,
+        Some(layout) if format == Format::Depth => {
+            let mut range = DepthRange::EMPTY;
+            for rows in blocks(size[1]) {
+                range = range.with(&read(rows)?);
+            }
+            texts.push((DEPTH_KEYWORD, range.text()));
+            png::write(&mut file, size, layout, &texts, &mut |rows| Ok(range.grey(&read(rows)?)))?;
+        }
+        Some(layout) => png::write(&mut file, size, layout, &texts, &mut read)?,
+    }
+    file.into_inner().map_err(io::IntoInnerError::into_error)
+}
+
+/// Can this format be written by [`render_to_stream`]?
+pub fn is_for_streams(format: Format) -> bool {
+    matches!(format, Format::Png8 | Format::Png16 | Format::Ids)
+}
+
+/// Renders a picture into a pipe or the like, rows at a time: nothing is kept that another job could go on from.
+///
+/// # Errors
+///
+/// Stopped ([`io::ErrorKind::Interrupted`]); writing failed; the format is not [`is_for_streams`].
+pub fn render_to_stream(
+    renderer: &Renderer,
+    format: Format,
+    object_of: &dyn Fn(u32) -> u32,
+    stream: &mut impl io::Write,
+    progress: &dyn Progress,
+) -> io::Result<()> {
     let (width, height) = renderer.camera.size();
-    let band = band_rows(width, renderer.samples_per_pixel());
-    (0..height).step_by(band as usize).try_fold(DepthRange::EMPTY, |range, row| {
-        let (film, _) = renderer.rows(row..(row + band).min(height), progress)?;
-        Some(film.depth_range(range))
-    })
+    let Some(layout) = format.layout().filter(|_| is_for_streams(format)) else {
+        return Err(io::Error::new(io::ErrorKind::Unsupported, "this format needs a file"));
+    };
+    let mut rows = |range: Range<u32>| match renderer.rows(range, progress) {
+        Some((film, _)) => Ok(format.encode(&film, object_of)),
+        None => Err(io::ErrorKind::Interrupted.into()),
+    };
+    png::write(stream, [width, height], layout, &[], &mut rows)
+}
+
+/// The range of depths that a finished [`Format::Depth`] tells.
+pub fn depth_range_of(path: &Path) -> Option<DepthRange> {
+    DepthRange::from_text(&png::text(path, DEPTH_KEYWORD)?)
+}
+
+/// Part files of unfinished pictures of this name, whatever their settings.
+pub fn unfinished(path: &Path) -> Vec<PathBuf> {
+    part::part_files(path)
 }
 
 /// Rows of a band: whole tiles.

@@ -20,6 +20,8 @@ const CHECKSUM_BYTES: u64 = 8;
 pub(super) struct PartFile {
     path: PathBuf,
     file: File,
+    /// Nobody else can be at work.
+    is_locked: bool,
     height: u32,
     band_rows: u32,
     row_bytes: usize,
@@ -36,21 +38,22 @@ impl PartFile {
         row_bytes: usize,
     ) -> Result<Self, PictureError> {
         let path = part_path(picture, fingerprint);
-        let file = loop {
+        let (file, is_locked) = loop {
             let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
             let file = file.map_err(PictureError::io(&path, "open"))?;
-            match file.try_lock() {
-                // Where locks are not supported nobody is kept from anything.
-                Ok(()) | Err(TryLockError::Error(_)) => {}
+            let is_locked = match file.try_lock() {
+                Ok(()) => true,
+                // Some network drives have no locks.
+                Err(TryLockError::Error(_)) => false,
                 Err(TryLockError::WouldBlock) => return Err(PictureError::Busy(picture.to_owned())),
-            }
+            };
             // Whoever had the lock may have removed the file before it was ours.
             if is_at(&file, &path) {
-                break file;
+                break (file, is_locked);
             }
         };
         let [_, height, band_rows] = size;
-        let mut part = PartFile { path, file, height, band_rows, row_bytes, rows: 0 };
+        let mut part = PartFile { path, file, is_locked, height, band_rows, row_bytes, rows: 0 };
         let header = header(fingerprint, size, row_bytes);
         let begun = part.resume(&header);
         match begun.map_err(PictureError::io(&part.path, "read"))? {
@@ -84,8 +87,17 @@ impl PartFile {
             self.file.write_all(header)?;
             return Ok(true);
         }
-        while self.rows < self.height {
-            let rows = self.band_rows.min(self.height - self.rows) as usize;
+        self.rows = self.sound_rows()?;
+        self.file.set_len(self.offset(self.rows))?;
+        Ok(true)
+    }
+
+    /// Rows of whole bands with the right checksums, from the first on.
+    fn sound_rows(&mut self) -> io::Result<u32> {
+        self.file.seek(SeekFrom::Start(HEADER_BYTES))?;
+        let mut sound = 0;
+        while sound < self.height {
+            let rows = self.band_rows.min(self.height - sound) as usize;
             let mut band = vec![0; rows * self.row_bytes + CHECKSUM_BYTES as usize];
             match self.file.read_exact(&mut band) {
                 Ok(()) => {}
@@ -96,10 +108,25 @@ impl PartFile {
             if xxh3_64(bytes).to_le_bytes() != checksum {
                 break;
             }
-            self.rows += rows as u32;
+            sound += rows as u32;
         }
-        self.file.set_len(self.offset(self.rows))?;
-        Ok(true)
+        Ok(sound)
+    }
+
+    /// Before the rows are used: where files cannot be locked, another process may have written between ours.
+    pub fn check(&mut self) -> Result<(), PictureError> {
+        if self.is_locked {
+            return Ok(());
+        }
+        match self.sound_rows().map_err(PictureError::io(&self.path, "read"))? {
+            rows if rows == self.height => Ok(()),
+            _ => Err(PictureError::Mixed(self.path.clone())),
+        }
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Where a band that begins with this row lies.
@@ -136,8 +163,30 @@ impl PartFile {
 
     /// Removes it: the picture is finished.
     pub fn remove(self) -> Result<(), PictureError> {
-        std::fs::remove_file(&self.path).map_err(PictureError::io(&self.path, "remove"))
+        match std::fs::remove_file(&self.path) {
+            // Where files cannot be locked, another process may have finished the same picture.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            removed => removed.map_err(PictureError::io(&self.path, "remove")),
+        }
     }
+}
+
+/// Part files of pictures of this name: with the settings that each was begun with, they would go on.
+pub(super) fn part_files(picture: &Path) -> Vec<PathBuf> {
+    let folder = match picture.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let name = picture.file_name().unwrap_or_default().to_string_lossy();
+    let is_part = |path: &PathBuf| {
+        let found = path.file_name().unwrap_or_default().to_string_lossy();
+        let rest = found.strip_prefix('.').and_then(|rest| rest.strip_prefix(&*name));
+        rest.is_some_and(|rest| rest.len() == ".00000000.part".len() && rest.ends_with(".part"))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut parts: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_part).collect();
+    parts.sort();
+    parts
 }
 
 /// `.NAME.FINGERPRINT.part`, beside the picture: with other settings it is another file, and nothing is lost.

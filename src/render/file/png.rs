@@ -1,13 +1,12 @@
 //! PNG.
 
-use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Encoder, SrgbRenderingIntent};
 
-use super::{Film, Fingerprint, KEYWORD, blocks, open};
-use crate::atomic_file::AtomicFile;
+use super::{Film, blocks, open};
 use crate::model::srgb_from_linear;
 
 /// What a pixel is made of.
@@ -42,27 +41,23 @@ pub(super) fn encode_16(film: &Film) -> Vec<u8> {
     film.pixels.iter().flat_map(|pixel| pixel.colour.map(|c| value(c).to_be_bytes())).flatten().collect()
 }
 
-/// The values of an image as PNG has them.
-pub(super) fn high_byte_first(image: &[u16]) -> Vec<u8> {
-    image.iter().flat_map(|value| value.to_be_bytes()).collect()
-}
-
-/// Writes rows of this layout.
+/// Writes rows of this layout, with texts under their keywords.
 pub(super) fn write(
-    file: AtomicFile,
+    file: &mut impl Write,
     [width, height]: [u32; 2],
     layout: Layout,
-    fingerprint: Fingerprint,
+    texts: &[(&str, String)],
     rows: &mut dyn FnMut(Range<u32>) -> io::Result<Vec<u8>>,
-) -> io::Result<AtomicFile> {
-    let mut file = BufWriter::new(file);
-    let mut encoder = Encoder::new(&mut file, width, height);
+) -> io::Result<()> {
+    let mut encoder = Encoder::new(file, width, height);
     encoder.set_color(layout.color);
     encoder.set_depth(layout.depth);
     if layout.is_srgb {
         encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
     }
-    encoder.add_text_chunk(KEYWORD.to_owned(), fingerprint.text())?;
+    for (keyword, text) in texts {
+        encoder.add_text_chunk((*keyword).to_owned(), text.clone())?;
+    }
     let mut writer = encoder.write_header()?;
     let mut stream = writer.stream_writer()?;
     for range in blocks(height) {
@@ -70,14 +65,14 @@ pub(super) fn write(
     }
     stream.finish()?;
     writer.finish()?;
-    file.into_inner().map_err(io::IntoInnerError::into_error)
+    Ok(())
 }
 
 /// The last bytes of a whole file: the chunk IEND.
 const END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
 
-/// The text under our keyword, of a file that was not cut short.
-pub(super) fn keyword(path: &Path) -> Option<String> {
+/// The text under a keyword, of a file that was not cut short.
+pub(super) fn text(path: &Path, keyword: &str) -> Option<String> {
     let mut end = [0; END.len()];
     let mut file = open(path)?;
     file.seek(SeekFrom::End(-(END.len() as i64))).ok()?;
@@ -87,5 +82,5 @@ pub(super) fn keyword(path: &Path) -> Option<String> {
     }
     let reader = Decoder::new(open(path)?).read_info().ok()?;
     let texts = &reader.info().uncompressed_latin1_text;
-    texts.iter().find(|text| text.keyword == KEYWORD).map(|text| text.text.clone())
+    texts.iter().find(|text| text.keyword == keyword).map(|text| text.text.clone())
 }
