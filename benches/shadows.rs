@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench shadows -- [--size 384] [--spp 1,4,16,64] [--log2 11,12,13] [--sun-angle 0.53] [--chart OUT.svg]
 //! [[--view inside] MODEL..]`
-//! A view (of the bench of rays) holds for the models after it. Without models: the sample plant of 12 M triangles, inside.
+//! A view (of the bench of rays; `outside` is all of the model from a corner above) holds for the models after it. Without models: the sample plant of 12 M triangles, inside.
 //! Prints what `voxsight render --report` prints; the chart has a row for each model.
 #![allow(
     clippy::unwrap_used,
@@ -108,22 +108,28 @@ fn main() {
 
 fn run(options: &Options, scenes: &[LoadedScene], view: &str) -> Vec<PictureReport> {
     let finest = scenes.last().expect("a resolution");
-    let views = views::views(finest.scene(), options.size as usize);
-    let pinhole = &views
-        .iter()
-        .find(|v| v.name == view)
-        .expect("a view: outside, far, top, inside, along, near")
-        .camera;
-    let camera = Camera {
-        eye: pinhole.eye.into(),
-        target: pinhole.target.into(),
-        up: pinhole.up.into(),
-        projection: Projection::Perspective { fov_y_deg: 60.0 },
-        width: options.size,
-        height: options.size,
-    };
     let meta = finest.scene().meta();
     let (bounds, up) = (meta.bounds, meta.settings.up.unit());
+    let camera = match view {
+        "outside" => {
+            let side = DVec3::new(up.y, up.z, up.x);
+            let from = 0.55 * up + 0.8 * side + 0.6 * up.cross(side);
+            Camera::around(bounds.min.into(), bounds.max.into(), from, up, options.size, options.size)
+        }
+        name => {
+            let views = views::views(finest.scene(), options.size as usize);
+            let view = views.iter().find(|view| view.name == name);
+            let pinhole = &view.expect("a view: outside, or one of the bench of rays").camera;
+            Camera {
+                eye: pinhole.eye.into(),
+                target: pinhole.target.into(),
+                up: up.into(),
+                projection: Projection::Perspective { fov_y_deg: 60.0 },
+                width: options.size,
+                height: options.size,
+            }
+        }
+    };
     let diagonal = (DVec3::from(bounds.max) - DVec3::from(bounds.min)).length();
     let direction = Sun::default_direction(up);
     let settings = RenderSettings {

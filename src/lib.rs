@@ -35,6 +35,7 @@ pub mod import;
 #[cfg(feature = "lab")]
 pub mod lab;
 pub mod loaded;
+pub mod lod;
 pub mod model;
 pub mod occlusion;
 pub mod prepare;
@@ -44,4 +45,5 @@ pub mod render;
 pub mod report;
 pub mod sample;
 pub mod scene;
+pub mod streaming;
 pub mod visibility;

@@ -1,0 +1,378 @@
+//! Streaming: what changes from frame to frame in a memory of fixed size, usually the GPU's (DESIGN.md, section 10; Peng and Cao
+//! 2012 and Xue et al. 2016, section 5.2, send the difference of two frames as well).
+//!
+//! Each frame says what it wants: drawables at levels, with their samples. [`Streamer::frame`] works out which pages ought to be
+//! resident, in order of importance and within the budget; takes pages that were loaded meanwhile; writes as many as a
+//! frame may, in that order; and says at which level each drawable can be drawn now: the wanted one, or the nearest coarser that
+//! is resident, or the nearest finer. What is resident stays until its room is needed, what was not used for longest goes
+//! first. It never waits: reading and decoding is done by a [`Loader`]'s threads.
+//!
+//! The streamer is plain single-threaded code over a trait for the memory: the same code runs before a GPU and in tests.
+
+mod loader;
+pub mod pool;
+mod target;
+
+use std::collections::{HashMap, HashSet};
+
+pub use loader::{Loader, PageSource};
+
+use crate::lod::{Choice, System};
+use pool::{Move, Pool, padded};
+use target::{Wish, target};
+
+/// Memory that pages are written into.
+pub trait Memory {
+    /// Writes bytes at a place.
+    fn write(&mut self, offset: u64, bytes: &[u8]);
+
+    /// Moves bytes to a lower place; the ranges may overlap.
+    fn shift(&mut self, from: u64, to: u64, bytes: u64);
+}
+
+/// How much may be used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamSettings {
+    /// Bytes of the memory: never more are used.
+    pub budget: u64,
+    /// Bytes written in one frame, at most. Moves inside the memory count as well, but the last move of a frame may exceed it.
+    pub upload: u64,
+    /// Share of the budget kept for the coarsest levels of what is in the frustum though it is not visible.
+    pub reserve: f64,
+    /// Bytes asked of the loader or loaded and not written yet, at most, but for one page.
+    pub in_flight: u64,
+}
+
+impl Default for StreamSettings {
+    fn default() -> Self {
+        StreamSettings { budget: 256 << 20, upload: 8 << 20, reserve: 1.0 / 16.0, in_flight: 32 << 20 }
+    }
+}
+
+/// A drawable at a level, and how many samples it got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Priority {
+    /// Which drawable, at which level.
+    pub choice: Choice,
+    /// The more, the sooner.
+    pub samples: u32,
+}
+
+/// What a frame wants.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Frame<'a> {
+    /// To be drawn now; each drawable once, in any order.
+    pub wanted: &'a [Priority],
+    /// In the frustum; most important first. Their coarsest levels are kept at hand.
+    pub in_frustum: &'a [u32],
+    /// Expected to be wanted soon, by a predicted camera or a known route.
+    pub expected: &'a [Priority],
+}
+
+/// A page that was read and decoded, or why it could not be.
+pub struct Loaded {
+    /// Which page.
+    pub page: u32,
+    /// As it goes into memory; an error is told once, and the page is not asked for again.
+    pub bytes: Result<Vec<u8>, String>,
+}
+
+/// What a frame did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameReport {
+    /// What can be drawn, rising by drawable.
+    pub drawn: Vec<Choice>,
+    /// Of `drawn`, those at a coarser or finer level than wanted.
+    pub substituted: u32,
+    /// Wanted drawables of which nothing is resident.
+    pub missing: u32,
+    /// Drawables in `drawn` that were not drawn in the frame before.
+    pub added: u32,
+    /// Drawables that were drawn in the frame before and are not now.
+    pub removed: u32,
+    /// Drawables drawn at another level than in the frame before.
+    pub changed: u32,
+    /// Bytes written.
+    pub written: u64,
+    /// Bytes moved to join free pieces.
+    pub moved: u64,
+    /// Bytes of pages that were given up.
+    pub evicted: u64,
+    /// Bytes in use.
+    pub resident: u64,
+    /// All that ought to be resident is.
+    pub is_complete: bool,
+    /// Pages that could not be loaded, and why.
+    pub failed: Vec<(u32, String)>,
+}
+
+/// A page in memory.
+#[derive(Clone, Copy, Debug)]
+struct Resident {
+    offset: u64,
+    bytes: u64,
+    /// Bytes written so far: it can be drawn when all are.
+    filled: u64,
+    /// Frame in which it was last drawn or wanted.
+    used: u64,
+}
+
+impl Resident {
+    fn is_whole(&self) -> bool {
+        self.filled == self.bytes
+    }
+}
+
+/// Pages that may be given up, those to go first at the end: longest unused.
+struct Evictable {
+    /// No wanted drawable can use them now.
+    unused: Vec<u32>,
+    /// Drawn in place of levels that are not there yet.
+    stand_ins: Vec<u32>,
+}
+
+/// Keeps a memory filled with what frames want.
+pub struct Streamer {
+    settings: StreamSettings,
+    pool: Pool,
+    resident: HashMap<u32, Resident>,
+    /// Loaded, and not all written.
+    loaded: HashMap<u32, Vec<u8>>,
+    failed: HashSet<u32>,
+    frame: u64,
+    last: Vec<Choice>,
+}
+
+impl Streamer {
+    /// With nothing resident.
+    pub fn new(settings: StreamSettings) -> Self {
+        Streamer {
+            settings,
+            pool: Pool::new(settings.budget),
+            resident: HashMap::new(),
+            loaded: HashMap::new(),
+            failed: HashSet::new(),
+            frame: 0,
+            last: Vec::new(),
+        }
+    }
+
+    /// Where a page lies, if all of it is resident.
+    pub fn offset_of(&self, page: u32) -> Option<u64> {
+        self.resident.get(&page).filter(|page| page.is_whole()).map(|page| page.offset)
+    }
+
+    /// Does one frame. `bytes_of` tells the bytes of pages, `loaded` hands over what came from the loader. Returns what was
+    /// done, and the pages to be loaded next, most important first.
+    pub fn frame(
+        &mut self,
+        system: &dyn System,
+        frame: &Frame,
+        bytes_of: &dyn Fn(u32) -> u64,
+        loaded: impl IntoIterator<Item = Loaded>,
+        memory: &mut dyn Memory,
+    ) -> (FrameReport, Vec<u32>) {
+        self.frame += 1;
+        let mut report = FrameReport::default();
+        let bytes_of = |page: u32| bytes_of(page).max(1);
+        self.take(loaded, &bytes_of, &mut report);
+        let reserve = (self.settings.reserve * self.settings.budget as f64) as u64;
+        let wishes = target(system, frame, &bytes_of, self.pool.capacity(), reserve);
+        let kept: HashSet<u32> = wishes.iter().map(|wish| wish.page).collect();
+        self.loaded.retain(|page, _| kept.contains(page));
+        for page in &kept {
+            if let Some(resident) = self.resident.get_mut(page) {
+                resident.used = self.frame;
+            }
+        }
+        self.write(system, frame, &wishes, &kept, memory, &mut report);
+        self.draw(system, frame, &mut report);
+        report.resident = self.pool.capacity() - self.pool.free();
+        let is_there = |wish: &Wish| self.offset_of(wish.page).is_some() || self.failed.contains(&wish.page);
+        report.is_complete = wishes.iter().all(is_there);
+        let requests = self.requests(&wishes);
+        (report, requests)
+    }
+
+    /// Takes what the loader brings.
+    fn take(
+        &mut self,
+        loaded: impl IntoIterator<Item = Loaded>,
+        bytes_of: &dyn Fn(u32) -> u64,
+        report: &mut FrameReport,
+    ) {
+        for Loaded { page, bytes } in loaded {
+            let expected = bytes_of(page);
+            let bytes = bytes.and_then(|bytes| match bytes.len() as u64 == expected {
+                true => Ok(bytes),
+                false => Err(format!("expected {expected} bytes, found {}", bytes.len())),
+            });
+            match bytes {
+                Ok(_) if self.offset_of(page).is_some() => {}
+                Ok(bytes) => {
+                    self.loaded.insert(page, bytes);
+                }
+                Err(error) if self.failed.insert(page) => report.failed.push((page, error)),
+                Err(_) => {}
+            }
+        }
+    }
+
+    /// Writes loaded pages, most important first, as many bytes as a frame may.
+    fn write(
+        &mut self,
+        system: &dyn System,
+        frame: &Frame,
+        wishes: &[Wish],
+        kept: &HashSet<u32>,
+        memory: &mut dyn Memory,
+        report: &mut FrameReport,
+    ) {
+        let mut left = self.settings.upload;
+        let mut evictable: Option<Evictable> = None;
+        for wish in wishes {
+            if left == 0 {
+                return;
+            }
+            if !self.loaded.contains_key(&wish.page) {
+                continue;
+            }
+            if !self.resident.contains_key(&wish.page) {
+                let evictable = evictable.get_or_insert_with(|| self.evictable(system, frame, kept));
+                let Some(offset) = self.make_room(*wish, evictable, memory, &mut left, report) else {
+                    // Room is being made: what is less important must not take it.
+                    return;
+                };
+                let resident = Resident { offset, bytes: wish.bytes, filled: 0, used: self.frame };
+                self.resident.insert(wish.page, resident);
+            }
+            let (Some(resident), Some(bytes)) =
+                (self.resident.get_mut(&wish.page), self.loaded.get(&wish.page))
+            else {
+                continue;
+            };
+            let end = resident.bytes.min(resident.filled + left);
+            // As long as the page is, by `take`.
+            memory.write(resident.offset + resident.filled, &bytes[resident.filled as usize..end as usize]);
+            left -= end - resident.filled;
+            report.written += end - resident.filled;
+            resident.filled = end;
+            if resident.is_whole() {
+                self.loaded.remove(&wish.page);
+            }
+        }
+    }
+
+    /// Finds room for a page: free, else of pages that nobody needs, else of stand-ins, else by moving pages together. `None`
+    /// when the frame's bytes were used up by moves.
+    fn make_room(
+        &mut self,
+        wish: Wish,
+        evictable: &mut Evictable,
+        memory: &mut dyn Memory,
+        left: &mut u64,
+        report: &mut FrameReport,
+    ) -> Option<u64> {
+        loop {
+            if let Some(offset) = self.pool.allocate(wish.page, wish.bytes) {
+                return Some(offset);
+            }
+            // What nobody needs goes before anything is moved: to read it again costs less, and mostly nobody will. The
+            // target fits into the pool, so that what is not of it makes room enough.
+            let gone = match evictable.unused.pop() {
+                None if self.pool.free() < padded(wish.bytes) => Some(evictable.stand_ins.pop()?),
+                unused => unused,
+            };
+            if let Some(page) = gone {
+                if let Some(gone) = self.resident.remove(&page) {
+                    self.pool.release(gone.offset);
+                    report.evicted += gone.bytes;
+                }
+                continue;
+            }
+            if *left == 0 {
+                return None;
+            }
+            let Move { page, from, to, bytes } = self.pool.compact()?;
+            memory.shift(from, to, bytes);
+            if let Some(resident) = self.resident.get_mut(&page) {
+                resident.offset = to;
+            }
+            // The last move of a frame may be longer than what is left of its bytes.
+            *left = left.saturating_sub(bytes);
+            report.moved += bytes;
+        }
+    }
+
+    /// Pages that are not of the target.
+    fn evictable(&self, system: &dyn System, frame: &Frame, kept: &HashSet<u32>) -> Evictable {
+        let best = |want: &Priority| {
+            let level = self.best_level(system, want.choice)?;
+            Some(system.level(want.choice.drawable, level).page)
+        };
+        let drawn: HashSet<u32> = frame.wanted.iter().filter_map(best).collect();
+        let others = self.resident.iter().filter(|(page, _)| !kept.contains(page));
+        let mut pages: Vec<(u64, u32)> = others.map(|(&page, resident)| (resident.used, page)).collect();
+        pages.sort_unstable_by(|a, b| b.cmp(a));
+        let (stand_ins, unused) =
+            pages.into_iter().map(|(_, page)| page).partition(|page| drawn.contains(page));
+        Evictable { unused, stand_ins }
+    }
+
+    /// The level at which a drawable can be drawn: the wanted one, else the nearest coarser, else the nearest finer.
+    fn best_level(&self, system: &dyn System, want: Choice) -> Option<u32> {
+        let Choice { drawable, level } = want;
+        let coarser = level..system.level_count(drawable);
+        let finer = (0..level).rev();
+        coarser.chain(finer).find(|&level| self.offset_of(system.level(drawable, level).page).is_some())
+    }
+
+    /// Says what can be drawn, and what is other than in the frame before.
+    fn draw(&mut self, system: &dyn System, frame: &Frame, report: &mut FrameReport) {
+        for want in frame.wanted {
+            let drawable = want.choice.drawable;
+            let Some(level) = self.best_level(system, want.choice) else {
+                report.missing += 1;
+                continue;
+            };
+            if let Some(resident) = self.resident.get_mut(&system.level(drawable, level).page) {
+                resident.used = self.frame;
+            }
+            report.substituted += u32::from(level != want.choice.level);
+            report.drawn.push(Choice { drawable, level });
+        }
+        report.drawn.sort_unstable();
+        let mut before = self.last.iter().peekable();
+        for now in &report.drawn {
+            while before.next_if(|last| last.drawable < now.drawable).is_some() {
+                report.removed += 1;
+            }
+            match before.next_if(|last| last.drawable == now.drawable) {
+                None => report.added += 1,
+                Some(last) => report.changed += u32::from(last.level != now.level),
+            }
+        }
+        report.removed += before.count() as u32;
+        self.last.clone_from(&report.drawn);
+    }
+
+    /// What the loader shall bring next: as much as may be in flight.
+    fn requests(&self, wishes: &[Wish]) -> Vec<u32> {
+        let mut in_flight: u64 = self.loaded.values().map(|bytes| bytes.len() as u64).sum();
+        let mut requests = Vec::new();
+        for wish in wishes {
+            let is_needed = self.offset_of(wish.page).is_none()
+                && !self.loaded.contains_key(&wish.page)
+                && !self.failed.contains(&wish.page);
+            if !is_needed {
+                continue;
+            }
+            if in_flight > 0 && in_flight + wish.bytes > self.settings.in_flight {
+                break;
+            }
+            in_flight += wish.bytes;
+            requests.push(wish.page);
+        }
+        requests
+    }
+}
