@@ -9,8 +9,10 @@
 //! - [`scene`] is an opened container as the runtime sees it; [`loaded`] makes it ready for CPU queries: its triangles
 //!   in hierarchies ([`exact`]) beside its voxels.
 //! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and
-//!   how wrong the answer is; [`render`] makes a picture of it, with soft
-//!   shadows, and files of any size ([`render::file`]).
+//!   how wrong the answer is; [`render`] makes a picture of it, with soft shadows, and files of any size
+//!   ([`render::file`]).
+//! - [`lod`] chooses how fine what is visible is drawn, under a budget; [`streaming`] keeps a memory of fixed size filled with
+//!   it.
 //! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with. `lab`
 //!   (a feature) runs methods over many views and reports run time against error.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
