@@ -37,7 +37,7 @@ pub struct LightFlags {
     /// How shadows are found [default: hybrid]
     #[arg(long)]
     shadows: Option<ShadowName>,
-    /// With --shadows hybrid: by how much of its width a penumbra may be wrong, 0 to 1 [default: 0.0625]
+    /// With --shadows hybrid: by how much of its width a penumbra may be wrong, 0 to 1 [default: 0.03125]
     #[arg(long, value_name = "SHARE")]
     shadow_tolerance: Option<f64>,
 }

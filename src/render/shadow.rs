@@ -68,7 +68,7 @@ pub enum Shadows {
 
 impl Shadows {
     /// `hybrid` with an error that is not seen.
-    pub const HYBRID: Self = Shadows::Hybrid { tolerance: 1.0 / 16.0 };
+    pub const HYBRID: Self = Shadows::Hybrid { tolerance: 1.0 / 32.0 };
 }
 
 /// A ray from a surface towards a light.

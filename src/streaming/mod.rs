@@ -10,12 +10,14 @@
 //! The streamer is plain single-threaded code over a trait for the memory: the same code runs before a GPU and in tests.
 
 mod loader;
+pub mod page;
 pub mod pool;
 mod target;
 
 use std::collections::{HashMap, HashSet};
 
 pub use loader::{Loader, PageSource};
+pub use page::{ContainerPages, PageLayout};
 
 use crate::lod::{Choice, System};
 use pool::{Move, Pool, padded};
