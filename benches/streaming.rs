@@ -1,7 +1,7 @@
 //! A walk without a GPU: what each frame asks, selects, streams, and how long that takes; the memory is plain.
 //!
 //! `cargo bench --bench streaming -- [--triangles 4M] [--budget-mb 64] [--upload-mb 4] [--size 1024x640] [--rays 16] [--frames 200]
-//! [--step 0.05] [SCENE.vxs]`
+//! [--step 0.05] [--ahead 10] [SCENE.vxs]`
 //! The path: around the plant from outside, a cut to the place where people stand under its first rack, and along it, `--step` metres a
 //! frame. Without a scene: the sample plant of 12 M triangles. Queries cast one ray for `--rays` pixels and keep what they found.
 #![allow(
@@ -25,7 +25,7 @@ use voxsight::lod::{Choice, ChunkLevels, Selection, candidates};
 use voxsight::progress::Silent;
 use voxsight::sample::{PlantSettings, plant};
 use voxsight::scene::Scene;
-use voxsight::streaming::{ContainerPages, Frame, Loader, Memory, Priority, StreamSettings, Streamer};
+use voxsight::streaming::{ContainerPages, Frame, Loader, Priority, StreamSettings, Streamer, predicted};
 use voxsight::visibility::coherent::CoherentQuery;
 use voxsight::visibility::culling::Culling;
 use voxsight::visibility::{Method, QuerySettings, RayMethod, RaysPerPixel, query};
@@ -38,6 +38,8 @@ struct Options {
     rays: u32,
     frames: u32,
     step: f64,
+    /// Frames between now and the predicted camera; 0 for none.
+    ahead: f64,
     scene: Option<PathBuf>,
 }
 
@@ -50,6 +52,7 @@ fn options() -> Options {
         rays: 16,
         frames: 200,
         step: 0.05,
+        ahead: 10.0,
         scene: None,
     };
     let mut args = std::env::args().skip(1);
@@ -67,22 +70,12 @@ fn options() -> Options {
             }
             "--rays" => options.rays = value().parse().expect("a number"),
             "--frames" => options.frames = value().parse().expect("a number"),
+            "--ahead" => options.ahead = value().parse().expect("frames"),
             "--step" => options.step = value().parse().expect("metres"),
             scene => options.scene = Some(scene.into()),
         }
     }
     options
-}
-
-struct Plain(Vec<u8>);
-
-impl Memory for Plain {
-    fn write(&mut self, offset: u64, bytes: &[u8]) {
-        self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
-    }
-    fn shift(&mut self, from: u64, to: u64, bytes: u64) {
-        self.0.copy_within(from as usize..(from + bytes) as usize, to as usize);
-    }
 }
 
 /// The camera of a frame, and whether it has jumped.
@@ -123,14 +116,15 @@ fn main() {
     let levels = ChunkLevels::new(loaded.scene());
     let settings =
         StreamSettings { budget: options.budget, upload: options.upload, ..StreamSettings::default() };
-    let mut memory = Plain(vec![0; options.budget as usize]);
+    let mut memory = vec![0; options.budget as usize];
     let mut streamer = Streamer::new(settings);
     let scene = loaded.query();
     let bounds = loaded.scene().meta().bounds;
     let bounds = (bounds.min.into(), bounds.max.into());
     let rays_per_pixel: RaysPerPixel = format!("1/{}", options.rays).parse().unwrap();
     let mut visible = CoherentQuery::of(RayMethod::Hybrid, rays_per_pixel);
-    let mut last: Option<Selection> = None;
+    let (mut last, mut before): (Option<Selection>, Option<Camera>) = (None, None);
+    let mut substituted = 0u64;
     let mut times = [const { Vec::new() }; 3];
     let (mut smooth, mut since_cut, mut missing_late) = (Vec::new(), 0u32, 0u32);
     println!(
@@ -156,8 +150,20 @@ fn main() {
         let wanted: Vec<Priority> = selection.choices.iter().map(priority).collect();
         let in_view = query(&scene, &rays, Method::Frustum, &QuerySettings::default());
         let in_frustum: Vec<u32> = (0..).zip(&in_view.visible).filter(|(_, v)| **v).map(|(d, _)| d).collect();
+        // What will be seen soon, at the levels that it will have then.
+        let soon = before.filter(|_| !is_cut && options.ahead > 0.0);
+        let soon = soon.and_then(|before| predicted(&before, &camera, options.ahead));
+        let expected: Vec<Priority> = soon.map_or_else(Vec::new, |soon| {
+            let rays = soon.rays().unwrap();
+            let few = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
+            let seen = query(&scene, &rays, Method::Voxel, &few);
+            let selection = density::select(&levels, &candidates(scene.exact, &rays, &seen), &lod, None);
+            let samples = |choice: &Choice| seen.samples[choice.drawable as usize];
+            selection.choices.iter().map(|c| Priority { choice: *c, samples: samples(c) }).collect()
+        });
+        before = Some(camera);
         let started = Instant::now();
-        let what = Frame { wanted: &wanted, in_frustum: &in_frustum, expected: &[] };
+        let what = Frame { wanted: &wanted, in_frustum: &in_frustum, expected: &expected };
         let bytes_of = |page: u32| pages.bytes_of(page);
         let (report, requests) = streamer.frame(&levels, &what, &bytes_of, loader.fetch(), &mut memory);
         loader.request(&requests);
@@ -169,6 +175,7 @@ fn main() {
             missing_late += report.missing;
         }
         if since_cut > 30 {
+            substituted += u64::from(report.substituted);
             smooth.push(100.0 * report.written as f64 / report.resident as f64);
         }
         for (times, time) in times.iter_mut().zip([query_ms, select_ms, stream_ms]) {
@@ -198,5 +205,6 @@ fn main() {
         "written in smooth motion: {mean:.3} % of what is resident a frame, 95 % {:.3}",
         percentile(&mut smooth, 0.95)
     );
+    println!("drawn coarser or finer than wanted in smooth motion: {substituted}, all frames together");
     println!("missing later than 3 frames after a cut: {missing_late}");
 }

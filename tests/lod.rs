@@ -15,6 +15,9 @@ impl System for Table {
     fn drawable_count(&self) -> u32 {
         self.0.len() as u32
     }
+    fn page_count(&self) -> u32 {
+        self.0.iter().map(|levels| levels.len() as u32).max().unwrap_or(0)
+    }
     fn level_count(&self, drawable: u32) -> u32 {
         self.0[drawable as usize].len() as u32
     }

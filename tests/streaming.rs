@@ -19,6 +19,9 @@ impl System for Row {
     fn drawable_count(&self) -> u32 {
         self.levels.len() as u32
     }
+    fn page_count(&self) -> u32 {
+        self.bytes.len() as u32
+    }
     fn level_count(&self, drawable: u32) -> u32 {
         self.levels[drawable as usize].len() as u32
     }
@@ -80,12 +83,12 @@ struct Plain {
 
 impl Memory for Plain {
     fn write(&mut self, offset: u64, bytes: &[u8]) {
-        self.bytes[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+        self.bytes.write(offset, bytes);
         self.written += bytes.len() as u64;
     }
     fn shift(&mut self, from: u64, to: u64, bytes: u64) {
         assert!(to < from);
-        self.bytes.copy_within(from as usize..(from + bytes) as usize, to as usize);
+        self.bytes.shift(from, to, bytes);
     }
 }
 

@@ -13,20 +13,9 @@ use voxsight::lod::{Choice, ChunkLevels, Selection, System, candidates};
 use voxsight::sample::{PlantSettings, plant};
 use voxsight::scene::Scene;
 use voxsight::streaming::{
-    ContainerPages, Frame, Loader, Memory, PageLayout, Priority, StreamSettings, Streamer, page,
+    ContainerPages, Frame, Loader, PageLayout, Priority, StreamSettings, Streamer, page,
 };
 use voxsight::visibility::{Method, QuerySettings, query};
-
-struct Plain(Vec<u8>);
-
-impl Memory for Plain {
-    fn write(&mut self, offset: u64, bytes: &[u8]) {
-        self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
-    }
-    fn shift(&mut self, from: u64, to: u64, bytes: u64) {
-        self.0.copy_within(from as usize..(from + bytes) as usize, to as usize);
-    }
-}
 
 /// From outside, then, after a cut, along the rack.
 fn camera(frame: u32) -> Camera {
@@ -55,7 +44,7 @@ fn a_walk_stays_in_its_budgets_misses_nothing_and_holds_the_geometry_of_the_file
     let loader = Loader::new(Arc::clone(&pages) as _, 2).unwrap();
     let levels = ChunkLevels::new(loaded.scene());
     let settings = StreamSettings { budget: 600_000, upload: 200_000, ..StreamSettings::default() };
-    let mut memory = Plain(vec![0; settings.budget as usize]);
+    let mut memory = vec![0; settings.budget as usize];
     let mut streamer = Streamer::new(settings);
     let (mut last, mut coarser, mut finest): (Option<Selection>, u32, u32) = (None, 0, 0);
     let mut come = Vec::new();
@@ -94,7 +83,7 @@ fn a_walk_stays_in_its_budgets_misses_nothing_and_holds_the_geometry_of_the_file
             let number = levels.level(choice.drawable, choice.level).page;
             let layout = PageLayout::of(&loaded.scene().levels()[number as usize]);
             let at = streamer.offset_of(number).unwrap() as usize;
-            let held = page::decode(&layout, &memory.0[at..at + layout.bytes as usize]);
+            let held = page::decode(&layout, &memory[at..at + layout.bytes as usize]);
             assert_eq!(
                 held,
                 Some(loaded.scene().level_mesh(number).unwrap()),

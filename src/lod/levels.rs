@@ -45,6 +45,10 @@ impl System for ChunkLevels<'_> {
         self.drawables.len() as u32
     }
 
+    fn page_count(&self) -> u32 {
+        self.records.len() as u32
+    }
+
     fn level_count(&self, drawable: u32) -> u32 {
         self.drawables[drawable as usize].level_count
     }

@@ -33,6 +33,9 @@ pub trait System: Sync {
     /// Drawables.
     fn drawable_count(&self) -> u32;
 
+    /// Pages: numbers of pages are below this.
+    fn page_count(&self) -> u32;
+
     /// Levels of a drawable, at least 1; level 0 is the finest.
     fn level_count(&self, drawable: u32) -> u32;
 

@@ -12,16 +12,18 @@
 mod loader;
 pub mod page;
 pub mod pool;
+mod predict;
 mod target;
 
 use std::collections::{HashMap, HashSet};
 
 pub use loader::{Loader, PageSource};
 pub use page::{ContainerPages, PageLayout};
+pub use predict::predicted;
 
 use crate::lod::{Choice, System};
 use pool::{Move, Pool, padded};
-use target::{Wish, target};
+use target::{Chosen, Wish, target};
 
 /// Memory that pages are written into.
 pub trait Memory {
@@ -30,6 +32,17 @@ pub trait Memory {
 
     /// Moves bytes to a lower place; the ranges may overlap.
     fn shift(&mut self, from: u64, to: u64, bytes: u64);
+}
+
+/// Plain memory, as long as the budget: for tests, and for programs without a GPU.
+impl Memory for Vec<u8> {
+    fn write(&mut self, offset: u64, bytes: &[u8]) {
+        self[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn shift(&mut self, from: u64, to: u64, bytes: u64) {
+        self.copy_within(from as usize..(from + bytes) as usize, to as usize);
+    }
 }
 
 /// How much may be used.
@@ -137,12 +150,46 @@ struct Evictable {
 pub struct Streamer {
     settings: StreamSettings,
     pool: Pool,
-    resident: HashMap<u32, Resident>,
+    /// By page.
+    resident: Vec<Option<Resident>>,
     /// Loaded, and not all written.
     loaded: HashMap<u32, Vec<u8>>,
     failed: HashSet<u32>,
+    /// For each page the last frame in whose target it was.
+    in_target: Vec<u64>,
     frame: u64,
+    /// What was drawn in the frame before.
     last: Vec<Choice>,
+    /// All that the frame before wanted was there: another one that wants the same has nothing to do.
+    settled: Option<Settled>,
+}
+
+/// What a frame wanted, whatever its samples.
+#[derive(PartialEq)]
+struct Settled {
+    wanted: Vec<Choice>,
+    in_frustum: Vec<u32>,
+    expected: Vec<Choice>,
+}
+
+impl Settled {
+    fn of(frame: &Frame) -> Self {
+        let choices = |wants: &[Priority]| wants.iter().map(|want| want.choice).collect();
+        Settled {
+            wanted: choices(frame.wanted),
+            in_frustum: frame.in_frustum.to_vec(),
+            expected: choices(frame.expected),
+        }
+    }
+
+    fn is_of(&self, frame: &Frame) -> bool {
+        let same = |kept: &[Choice], wants: &[Priority]| {
+            kept.iter().copied().eq(wants.iter().map(|want| want.choice))
+        };
+        same(&self.wanted, frame.wanted)
+            && self.in_frustum == frame.in_frustum
+            && same(&self.expected, frame.expected)
+    }
 }
 
 impl Streamer {
@@ -151,17 +198,28 @@ impl Streamer {
         Streamer {
             settings,
             pool: Pool::new(settings.budget),
-            resident: HashMap::new(),
+            resident: Vec::new(),
             loaded: HashMap::new(),
             failed: HashSet::new(),
+            in_target: Vec::new(),
             frame: 0,
             last: Vec::new(),
+            settled: None,
         }
     }
 
     /// Where a page lies, if all of it is resident.
     pub fn offset_of(&self, page: u32) -> Option<u64> {
-        self.resident.get(&page).filter(|page| page.is_whole()).map(|page| page.offset)
+        self.page(page).filter(Resident::is_whole).map(|page| page.offset)
+    }
+
+    fn page(&self, page: u32) -> Option<Resident> {
+        self.resident.get(page as usize).copied().flatten()
+    }
+
+    /// Is a page of this frame's target?
+    fn is_wanted(&self, page: u32) -> bool {
+        self.in_target.get(page as usize) == Some(&self.frame)
     }
 
     /// Does one frame. `bytes_of` tells the bytes of pages, `loaded` hands over what came from the loader. Returns what was
@@ -174,25 +232,39 @@ impl Streamer {
         loaded: impl IntoIterator<Item = Loaded>,
         memory: &mut dyn Memory,
     ) -> (FrameReport, Vec<u32>) {
-        self.frame += 1;
         let mut report = FrameReport::default();
+        let mut loaded = loaded.into_iter().peekable();
+        if loaded.peek().is_none() && self.settled.as_ref().is_some_and(|settled| settled.is_of(frame)) {
+            report.drawn.clone_from(&self.last);
+            report.resident = self.pool.capacity() - self.pool.free();
+            report.is_complete = true;
+            return (report, Vec::new());
+        }
+        self.frame += 1;
         let bytes_of = |page: u32| bytes_of(page).max(1);
         self.take(loaded, &bytes_of, &mut report);
         let reserve = (self.settings.reserve * self.settings.budget as f64) as u64;
-        let wishes = target(system, frame, &bytes_of, self.pool.capacity(), reserve);
-        let kept: HashSet<u32> = wishes.iter().map(|wish| wish.page).collect();
-        self.loaded.retain(|page, _| kept.contains(page));
-        for page in &kept {
-            if let Some(resident) = self.resident.get_mut(page) {
+        let pages = system.page_count() as usize;
+        self.resident.resize(pages, None);
+        self.in_target.resize(pages, 0);
+        let mut chosen =
+            Chosen { number: self.frame, in_target: &mut self.in_target, left: self.pool.capacity() };
+        let wishes = target(system, frame, &bytes_of, reserve, &mut chosen);
+        for wish in &wishes {
+            if let Some(resident) = &mut self.resident[wish.page as usize] {
                 resident.used = self.frame;
             }
         }
-        self.write(system, frame, &wishes, &kept, memory, &mut report);
+        let (in_target, number) = (&self.in_target, self.frame);
+        self.loaded.retain(|&page, _| in_target.get(page as usize) == Some(&number));
+        self.write(system, frame, &wishes, memory, &mut report);
         self.draw(system, frame, &mut report);
         report.resident = self.pool.capacity() - self.pool.free();
         let is_there = |wish: &Wish| self.offset_of(wish.page).is_some() || self.failed.contains(&wish.page);
         report.is_complete = wishes.iter().all(is_there);
         let requests = self.requests(&wishes);
+        let is_settled = report.is_complete && report.substituted == 0 && report.missing == 0;
+        self.settled = is_settled.then(|| Settled::of(frame));
         (report, requests)
     }
 
@@ -226,7 +298,6 @@ impl Streamer {
         system: &dyn System,
         frame: &Frame,
         wishes: &[Wish],
-        kept: &HashSet<u32>,
         memory: &mut dyn Memory,
         report: &mut FrameReport,
     ) {
@@ -239,17 +310,17 @@ impl Streamer {
             if !self.loaded.contains_key(&wish.page) {
                 continue;
             }
-            if !self.resident.contains_key(&wish.page) {
-                let evictable = evictable.get_or_insert_with(|| self.evictable(system, frame, kept));
+            if self.page(wish.page).is_none() {
+                let evictable = evictable.get_or_insert_with(|| self.evictable(system, frame));
                 let Some(offset) = self.make_room(*wish, evictable, memory, &mut left, report) else {
                     // Room is being made: what is less important must not take it.
                     return;
                 };
                 let resident = Resident { offset, bytes: wish.bytes, filled: 0, used: self.frame };
-                self.resident.insert(wish.page, resident);
+                self.resident[wish.page as usize] = Some(resident);
             }
             let (Some(resident), Some(bytes)) =
-                (self.resident.get_mut(&wish.page), self.loaded.get(&wish.page))
+                (&mut self.resident[wish.page as usize], self.loaded.get(&wish.page))
             else {
                 continue;
             };
@@ -286,7 +357,7 @@ impl Streamer {
                 unused => unused,
             };
             if let Some(page) = gone {
-                if let Some(gone) = self.resident.remove(&page) {
+                if let Some(gone) = self.resident[page as usize].take() {
                     self.pool.release(gone.offset);
                     report.evicted += gone.bytes;
                 }
@@ -297,7 +368,7 @@ impl Streamer {
             }
             let Move { page, from, to, bytes } = self.pool.compact()?;
             memory.shift(from, to, bytes);
-            if let Some(resident) = self.resident.get_mut(&page) {
+            if let Some(resident) = &mut self.resident[page as usize] {
                 resident.offset = to;
             }
             // The last move of a frame may be longer than what is left of its bytes.
@@ -307,14 +378,15 @@ impl Streamer {
     }
 
     /// Pages that are not of the target.
-    fn evictable(&self, system: &dyn System, frame: &Frame, kept: &HashSet<u32>) -> Evictable {
+    fn evictable(&self, system: &dyn System, frame: &Frame) -> Evictable {
         let best = |want: &Priority| {
             let level = self.best_level(system, want.choice)?;
             Some(system.level(want.choice.drawable, level).page)
         };
         let drawn: HashSet<u32> = frame.wanted.iter().filter_map(best).collect();
-        let others = self.resident.iter().filter(|(page, _)| !kept.contains(page));
-        let mut pages: Vec<(u64, u32)> = others.map(|(&page, resident)| (resident.used, page)).collect();
+        let used = |(page, resident): (u32, &Option<Resident>)| Some((resident.as_ref()?.used, page));
+        let all = (0..).zip(&self.resident).filter_map(used);
+        let mut pages: Vec<(u64, u32)> = all.filter(|&(_, page)| !self.is_wanted(page)).collect();
         pages.sort_unstable_by(|a, b| b.cmp(a));
         let (stand_ins, unused) =
             pages.into_iter().map(|(_, page)| page).partition(|page| drawn.contains(page));
@@ -337,7 +409,7 @@ impl Streamer {
                 report.missing += 1;
                 continue;
             };
-            if let Some(resident) = self.resident.get_mut(&system.level(drawable, level).page) {
+            if let Some(resident) = &mut self.resident[system.level(drawable, level).page as usize] {
                 resident.used = self.frame;
             }
             report.substituted += u32::from(level != want.choice.level);

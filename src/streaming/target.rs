@@ -21,12 +21,12 @@ pub(super) fn target(
     system: &dyn System,
     frame: &Frame,
     bytes_of: &dyn Fn(u32) -> u64,
-    capacity: u64,
     reserve: u64,
+    chosen: &mut Chosen,
 ) -> Vec<Wish> {
     let page = |drawable: u32, level: u32| system.level(drawable, level).page;
     let coarsest = |drawable: u32| page(drawable, system.level_count(drawable) - 1);
-    let mut chosen = Chosen { wishes: Vec::new(), is_in: std::collections::HashSet::new(), left: capacity };
+    let mut wishes = Vec::new();
     let by_samples = |wants: &[Priority]| {
         let mut order: Vec<Priority> = wants.to_vec();
         order.sort_unstable_by(|a, b| b.samples.cmp(&a.samples).then(a.choice.cmp(&b.choice)));
@@ -34,38 +34,48 @@ pub(super) fn target(
     };
     let (wanted, expected) = (by_samples(frame.wanted), by_samples(frame.expected));
     for want in &wanted {
-        chosen.add(coarsest(want.choice.drawable), bytes_of);
+        wishes.extend(chosen.add(coarsest(want.choice.drawable), bytes_of));
     }
     let mut left = reserve;
     for &drawable in frame.in_frustum {
         let page = coarsest(drawable);
-        let bytes = padded(bytes_of(page));
-        if bytes <= left && chosen.add(page, bytes_of) {
-            left -= bytes;
+        if chosen.has(page) || padded(bytes_of(page)) > left {
+            continue;
+        }
+        if let Some(wish) = chosen.add(page, bytes_of) {
+            left -= padded(wish.bytes);
+            wishes.push(wish);
         }
     }
     for want in wanted.iter().chain(&expected) {
-        chosen.add(page(want.choice.drawable, want.choice.level), bytes_of);
+        wishes.extend(chosen.add(page(want.choice.drawable, want.choice.level), bytes_of));
     }
-    chosen.wishes
+    wishes
 }
 
-struct Chosen {
-    wishes: Vec<Wish>,
-    is_in: std::collections::HashSet<u32>,
-    left: u64,
+/// Which pages are chosen, and how much room is left.
+pub(super) struct Chosen<'a> {
+    /// Of this frame.
+    pub number: u64,
+    /// For each page the last frame that chose it.
+    pub in_target: &'a mut [u64],
+    /// Bytes.
+    pub left: u64,
 }
 
-impl Chosen {
+impl Chosen<'_> {
+    fn has(&self, page: u32) -> bool {
+        self.in_target[page as usize] == self.number
+    }
+
     /// Adds a page if it is new and fits.
-    fn add(&mut self, page: u32, bytes_of: &dyn Fn(u32) -> u64) -> bool {
-        let bytes = bytes_of(page);
-        if self.is_in.contains(&page) || padded(bytes) > self.left {
-            return false;
+    fn add(&mut self, page: u32, bytes_of: &dyn Fn(u32) -> u64) -> Option<Wish> {
+        if self.has(page) {
+            return None;
         }
-        self.is_in.insert(page);
-        self.left -= padded(bytes);
-        self.wishes.push(Wish { page, bytes });
-        true
+        let bytes = bytes_of(page);
+        self.left = self.left.checked_sub(padded(bytes))?;
+        self.in_target[page as usize] = self.number;
+        Some(Wish { page, bytes })
     }
 }
