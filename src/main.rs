@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use voxsight::cli::Cli;
+use voxsight::cli::{Cli, Usage};
 
 fn main() -> ExitCode {
     match Cli::parse().run() {
@@ -21,7 +21,8 @@ fn main() -> ExitCode {
                 }
                 cause = inner.source();
             }
-            ExitCode::FAILURE
+            // As clap exits for what it finds itself.
+            if error.is::<Usage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }

@@ -186,17 +186,17 @@ fn trouble_is_told_with_a_reason_and_an_exit_code() {
     )
     .unwrap();
     assert!(fails(&["visible", &scene, "--camera", &camera], 1).contains("target"));
-    assert!(fails(&["render", &scene, "-o", "picture.jpg"], 1).contains(".png"));
+    assert!(fails(&["render", &scene, "-o", "picture.jpg"], 2).contains(".png"));
     // Nothing is replaced by mistake, and a missing folder is noticed before the work.
-    assert!(fails(&["build", &model, "-o", &model], 1).contains(".vxs"));
-    assert!(fails(&["visible", &scene, "--json", &scene], 1).contains(".json"));
+    assert!(fails(&["build", &model, "-o", &model], 2).contains(".vxs"));
+    assert!(fails(&["visible", &scene, "--json", &scene], 2).contains(".json"));
     let nowhere = sample.path("missing/answer.json");
     assert!(fails(&["visible", &scene, "--json", &nowhere], 1).contains("no folder"));
     assert!(fails(&["generate", "plant", "-o", "plant.obj"], 1).contains(".glb"));
     fails(&["generate", "copies", &model, "--copies", "0", "-o", &out], 2);
     fails(&["render", &scene, "--ids", "--spp", "2", "-o", "picture.png"], 2);
     let no_shadow = ["render", &scene, "--light", "headlight", "--shadows", "exact", "-o", "picture.png"];
-    assert!(fails(&no_shadow, 1).contains("headlight"));
+    assert!(fails(&no_shadow, 2).contains("headlight"));
     let error = fails(&["generate", "copies", &model, "--copies", "2", "--overlap=-1", "-o", &out], 1);
     assert!(error.contains("overlap"), "{error}");
 }

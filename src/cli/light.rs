@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use serde::Deserialize;
 
-use super::Failure;
 use super::numbers::{Length, parse_length, parse_vector};
+use super::{Failure, usage};
 use crate::render::{AreaLight, KeyLight, Lighting, SUN_ANGLE_DEG, Shadows, Sky, Sun};
 
 /// Flags about light and shadow.
@@ -28,7 +28,7 @@ pub struct LightFlags {
     /// How far away things occlude the sky, such as 5m [default: any distance]
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     sky_reach: Option<Length>,
-    /// Shining rectangles: a JSON list of {"corner":[x,y,z],"edge_u":[x,y,z],"edge_v":[x,y,z],"radiance":[r,g,b]}
+    /// Shining rectangles or parallelograms: a JSON list of {"corner":[x,y,z],"edge_u":[x,y,z],"edge_v":[x,y,z],"radiance":[r,g,b]}
     #[arg(long, value_name = "AREAS.json")]
     pub areas: Option<PathBuf>,
     /// A little light from the eye and the side, so that shapes in the shade keep their form, 0 to 1 [default: 1 with a sun]
@@ -82,7 +82,7 @@ impl LightFlags {
     pub fn check(&self) -> Result<(), Failure> {
         let no_sun = self.sun.is_some() || self.sun_angle.is_some();
         if self.light != KeyName::Sun && no_sun {
-            return Err("--sun and --sun-angle are about the sun: leave them out, or use --light sun".into());
+            return Err(usage("--sun and --sun-angle are about the sun: leave them out, or use --light sun"));
         }
         let shadowy = self.shadows.is_some()
             || self.shadow_tolerance.is_some()
@@ -90,20 +90,23 @@ impl LightFlags {
             || self.areas.is_some()
             || self.fill.is_some();
         if self.light == KeyName::Headlight && shadowy {
-            return Err(
+            return Err(usage(
                 "a headlight is all the light there is, and casts no shadows: leave out --shadows, --shadow-tolerance, --sky, \
-                        --areas and --fill, or use --light sun or none"
-                    .into(),
-            );
+                        --areas and --fill, or use --light sun or none",
+            ));
+        }
+        let is_dark = self.light == KeyName::None && self.sky == Some(SkyName::None) && self.areas.is_none();
+        if is_dark {
+            return Err(usage("nothing shines: add --areas, or leave out --light none or --sky none"));
         }
         if self.sky_reach.is_some() && self.sky != Some(SkyName::Occluded) {
-            return Err("--sky-reach is about --sky occluded".into());
+            return Err(usage("--sky-reach is about --sky occluded"));
         }
         if self.shadow_tolerance.is_some() && !matches!(self.shadows, Some(ShadowName::Hybrid) | None) {
-            return Err("--shadow-tolerance is about --shadows hybrid".into());
+            return Err(usage("--shadow-tolerance is about --shadows hybrid"));
         }
         if self.shadows == Some(ShadowName::None) && self.sky == Some(SkyName::Occluded) {
-            return Err("--shadows none leaves nothing that occludes the sky: leave one of them out".into());
+            return Err(usage("--shadows none leaves nothing that occludes the sky: leave one of them out"));
         }
         Ok(())
     }
@@ -163,7 +166,9 @@ fn read_areas(path: &Path) -> Result<Vec<AreaLight>, Failure> {
             return Err(told(format!("rectangle {number} has no area")));
         }
         if !(light.radiance.is_finite() && light.radiance.min_element() >= 0.0) {
-            return Err(told(format!("rectangle {number} shines with {radiance:?}")));
+            return Err(told(format!(
+                "rectangle {number} shines with {radiance:?}; expected numbers of 0 and more"
+            )));
         }
         Ok(light)
     };

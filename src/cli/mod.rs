@@ -24,6 +24,16 @@ use progress::TerminalProgress;
 /// What a command fails with: any error, printed with its causes.
 type Failure = Box<dyn Error + Send + Sync>;
 
+/// What was asked for cannot be done with any files: the command itself is wrong.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Usage(String);
+
+/// A [`Usage`] error.
+fn usage(text: impl Into<String>) -> Failure {
+    Usage(text.into()).into()
+}
+
 /// Voxel-assisted visibility and level of detail for CAD models too big to render.
 #[derive(Parser)]
 #[command(name = "voxsight", version, about, max_term_width = 100)]

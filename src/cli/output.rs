@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::Failure;
+use super::{Failure, usage};
 use crate::atomic_file::{self, AtomicFile};
 use crate::camera::Camera;
 
@@ -85,7 +85,7 @@ pub fn check_output(path: &Path, extension: &str) -> Result<(), Failure> {
         return Ok(());
     }
     if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
-        return Err(format!("{}: name this output .{extension}", path.display()).into());
+        return Err(usage(format!("{}: name this output .{extension}", path.display())));
     }
     match path.parent() {
         Some(folder) if folder != Path::new("") && !folder.is_dir() => {

@@ -8,12 +8,12 @@ use clap::Args;
 use glam::DVec3;
 use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
-use super::Failure;
 use super::light::{KeyName, LightFlags, SkyName};
 use super::numbers::{parse_frames, parse_rays, parse_size};
-use super::output::{check_output, human_bytes, print_out, read_camera, write_json};
+use super::output::{check_output, human_bytes, human_count, print_out, read_camera, write_json};
 use super::progress::TerminalProgress;
 use super::shadow_report::shadow_report;
+use super::{Failure, usage};
 use crate::camera::Camera;
 use crate::lab::keyframes::CameraPath;
 use crate::loaded::LoadedScene;
@@ -39,7 +39,8 @@ pub struct Render {
     /// Camera file (JSON); without one the camera sees the whole scene from a corner
     #[arg(long, value_name = "CAM.json")]
     camera: Option<PathBuf>,
-    /// Frames along a camera path instead: -o names them, with {frame} where the number goes
+    /// Frames along a camera path instead: {"keyframes":[{"t":0,"eye":..as in a camera file..},{"t":2,..}],"fps":30}, where "cut":true
+    /// jumps, or a plain list of cameras; -o names them, with {frame} where the number goes
     #[arg(long, value_name = "PATH.json", conflicts_with_all = ["camera", "save_camera", "ids", "depth"])]
     path: Option<PathBuf>,
     /// Of the path, these frames only, such as 0-299: shards of a sequence are the same pictures
@@ -81,11 +82,11 @@ impl Render {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         self.light.check()?;
         if self.spp.iter().any(|&samples| samples > MAX_SAMPLES) {
-            return Err(format!("--spp: at most {MAX_SAMPLES} samples per pixel").into());
+            return Err(usage(format!("--spp: at most {MAX_SAMPLES} samples per pixel")));
         }
         let Some(output) = &self.output else { return self.shadow_report(progress) };
         let ([scene], [_]) = (self.scenes.as_slice(), self.spp.as_slice()) else {
-            return Err("a picture is of one scene and one number of samples; --report takes several".into());
+            return Err(usage("a picture is of one scene and one number of samples; --report takes several"));
         };
         let format = self.format(output)?;
         if let Some(path) = &self.save_camera {
@@ -99,7 +100,11 @@ impl Render {
             return self.sequence(&loaded, &cameras, &settings, (output, format), progress);
         }
         let camera = self.camera(&scene)?;
-        let rays = camera.rays()?;
+        let of_file = |error: &dyn std::fmt::Display| match &self.camera {
+            Some(file) => format!("{}: {error}", file.display()),
+            None => error.to_string(),
+        };
+        let rays = camera.rays().map_err(|error| of_file(&error))?;
         if let Some(path) = &self.save_camera {
             write_json(path, &camera)?;
         }
@@ -150,15 +155,19 @@ impl Render {
     /// By the output's name; refuses what cannot be.
     fn format(&self, output: &Path) -> Result<Format, Failure> {
         if self.path.is_some() && !output.to_string_lossy().contains(FRAME) {
-            return Err(format!("{}: a sequence needs {FRAME} in its name", output.display()).into());
+            return Err(usage(format!("{}: a sequence needs {FRAME} in its name", output.display())));
         }
         let is_exr = output.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
         if is_exr && !self.ids && !self.depth {
             if self.bits.is_some() {
-                return Err("--bits is about PNG: EXR has 16-bit floats".into());
+                return Err(usage("--bits is about PNG: EXR has 16-bit floats"));
             }
             check_output(output, "exr")?;
             return Ok(Format::Exr);
+        }
+        if !is_stream(output) && !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+            let or_exr = if self.ids || self.depth { "" } else { " or .exr" };
+            return Err(usage(format!("{}: name this output .png{or_exr}", output.display())));
         }
         check_output(output, "png")?;
         let format = match self.bits.as_deref() {
@@ -168,7 +177,7 @@ impl Render {
             _ => Format::Png8,
         };
         if is_stream(output) && !is_for_streams(format) {
-            return Err("--depth needs a file: its range is known at the end; name one".into());
+            return Err(usage("--depth needs a file: its range is known at the end; name one"));
         }
         Ok(format)
     }
@@ -188,7 +197,7 @@ impl Render {
             up,
             seed: self.seed,
         };
-        settings.check()?;
+        settings.check().map_err(|error| usage(error.to_string()))?;
         Ok(settings)
     }
 
@@ -309,7 +318,7 @@ fn tell_cost(cost: &ShadowCost) -> Result<(), Failure> {
         if rays > 0 && time > 0.0 {
             let name = kind.name();
             let rate = rays as f64 / time * 1e-6;
-            print_out!("{name}: {:.1} M shadow rays, {rate:.2} M a second and thread", rays as f64 * 1e-6)?;
+            print_out!("{name}: {} shadow rays, {rate:.2} M a second and thread", human_count(rays))?;
         }
     }
     Ok(())

@@ -183,6 +183,12 @@ fn print(reports: &[PictureReport]) -> Result<(), Failure> {
                     .as_ref()
                     .map_or_else(|| "\u{2013}".into(), |errors| percent(figure(errors)))
             };
+            // With one sample there is no penumbra to be wrong about.
+            let has_penumbra = light.same_samples.as_ref().is_some_and(|errors| errors.penumbra > 0);
+            let penumbra = match has_penumbra {
+                true => same(&|errors| errors.penumbra_error),
+                false => "\u{2013}".into(),
+            };
             print_out!(
                 "{name:<14} {:>7}  {:<5} {:>7.2} {:>13.2} {:>13} {:>10} {:>12} {:>15}  {flip:<6} {:>17}",
                 picture.samples_per_pixel,
@@ -192,7 +198,7 @@ fn print(reports: &[PictureReport]) -> Result<(), Failure> {
                 same(&|errors| errors.wrongly_dark),
                 same(&|errors| errors.lit_loss),
                 same(&|errors| errors.wrongly_lit),
-                same(&|errors| errors.penumbra_error),
+                penumbra,
                 percent(light.converged.mean_error),
             )?;
         }

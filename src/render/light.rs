@@ -43,7 +43,7 @@ pub struct Sun {
 /// What comes from everywhere above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sky {
-    /// Nothing.
+    /// Nothing: it is black.
     None,
     /// Light that nothing stops.
     Plain,

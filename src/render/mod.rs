@@ -32,7 +32,7 @@ use shade::{PixelTile, Shader, TILE, TileScratch};
 
 /// Version of what is rendered: another one wherever the same settings give other pixels, so that no picture is taken for the
 /// same and none is finished with rows of both.
-pub const PIXELS_VERSION: u32 = 3;
+pub const PIXELS_VERSION: u32 = 4;
 
 /// How a picture is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,7 +129,9 @@ impl RenderSettings {
         if let KeyLight::Sun(Sun { direction, angle_deg }) = key
             && !((0.0..180.0).contains(angle_deg) && direction.try_normalize().is_some())
         {
-            return Some(format!("a sun at {direction}, {angle_deg} degrees wide; expected 0 to 180"));
+            return Some(format!(
+                "a sun towards {direction}, {angle_deg} degrees wide; expected a direction, and 0 to 180 degrees"
+            ));
         }
         if let Sky::Occluded { reach } = sky
             && (reach.is_nan() || *reach <= 0.0)

@@ -212,7 +212,7 @@ impl<'a> Shader<'a> {
                     rays.push(ray);
                     looks_of_rays.push(*look);
                 }
-                None => sums[look.pixel] += sky_radiance(ray.direction, self.up),
+                None => sums[look.pixel] += self.background(ray.direction),
             }
         }
         self.tracer.trace(rays, hits);
@@ -238,7 +238,7 @@ impl<'a> Shader<'a> {
             }
             match opaque {
                 Some((drawable, t)) => surfaces.extend(self.surface(ray, drawable, t, left, *look)),
-                None => sums[look.pixel] += left * sky_radiance(ray.direction, self.up),
+                None => sums[look.pixel] += left * self.background(ray.direction),
             }
         }
     }
@@ -288,6 +288,13 @@ impl<'a> Shader<'a> {
                 Some(sky_sample(surface.normal, reach, self.up, u, v))
             });
         }
+    }
+
+    /// What is seen where nothing is: the sky, even under a headlight; black where it does not shine.
+    fn background(&self, direction: DVec3) -> DVec3 {
+        let is_dark =
+            self.settings.lighting.sky == Sky::None && self.settings.lighting.key != KeyLight::Headlight;
+        if is_dark { DVec3::ZERO } else { sky_radiance(direction, self.up) }
     }
 
     /// What a white surface reflects of light that casts no shadows.

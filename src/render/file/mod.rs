@@ -26,8 +26,8 @@ use xxhash_rust::xxh3::xxh3_128;
 /// Pixels of a band, at most, but for one row of tiles: what is in memory.
 const BAND_PIXELS: u64 = 1 << 20;
 
-/// Samples of a band, about: what an interrupted job loses.
-const BAND_SAMPLES: u64 = 1 << 24;
+/// Samples of a band, about: what an interrupted job loses, some seconds of work.
+const BAND_SAMPLES: u64 = 1 << 20;
 
 /// Rows that are encoded together: OpenEXR compresses 16 at a time.
 const BLOCK_ROWS: u32 = 16;
@@ -91,9 +91,7 @@ pub enum Written {
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     /// Stopped on request. What was rendered is kept.
-    #[error(
-        "{path}: stopped after {done} of {rows} rows; the same command goes on from there (they are in {part})"
-    )]
+    #[error("{}", stopped(.path, .part, *.done, *.rows))]
     Stopped {
         /// The picture.
         path: PathBuf,
@@ -123,6 +121,17 @@ pub enum PictureError {
         /// Why.
         source: io::Error,
     },
+}
+
+fn stopped(path: &Path, part: &Path, done: u32, rows: u32) -> String {
+    let path = path.display();
+    match done {
+        0 => format!("{path}: stopped before the first of {rows} rows were done"),
+        _ => format!(
+            "{path}: stopped after {done} of {rows} rows; the same command goes on from there (they are in {})",
+            part.display()
+        ),
+    }
 }
 
 impl PictureError {
