@@ -124,8 +124,8 @@ fn main() {
     let rays_per_pixel: RaysPerPixel = format!("1/{}", options.rays).parse().unwrap();
     let mut visible = CoherentQuery::of(RayMethod::Hybrid, rays_per_pixel);
     let (mut last, mut before): (Option<Selection>, Option<Camera>) = (None, None);
-    let mut substituted = 0u64;
-    let mut times = [const { Vec::new() }; 3];
+    let (mut substituted, mut drawn) = (0u64, 0u64);
+    let mut times = [const { Vec::new() }; 4];
     let (mut smooth, mut since_cut, mut missing_late) = (Vec::new(), 0u32, 0u32);
     println!(
         "| frame | visible | drawn | substituted | missing | triangles | written KB | resident MB | query ms | select ms | stream ms |\n|{}",
@@ -150,6 +150,7 @@ fn main() {
         let wanted: Vec<Priority> = selection.choices.iter().map(priority).collect();
         let in_view = query(&scene, &rays, Method::Frustum, &QuerySettings::default());
         let in_frustum: Vec<u32> = (0..).zip(&in_view.visible).filter(|(_, v)| **v).map(|(d, _)| d).collect();
+        let started = Instant::now();
         // What will be seen soon, at the levels that it will have then.
         let soon = before.filter(|_| !is_cut && options.ahead > 0.0);
         let soon = soon.and_then(|before| predicted(&before, &camera, options.ahead));
@@ -162,6 +163,7 @@ fn main() {
             selection.choices.iter().map(|c| Priority { choice: *c, samples: samples(c) }).collect()
         });
         before = Some(camera);
+        let predict_ms = started.elapsed().as_secs_f64() * 1e3;
         let started = Instant::now();
         let what = Frame { wanted: &wanted, in_frustum: &in_frustum, expected: &expected };
         let bytes_of = |page: u32| pages.bytes_of(page);
@@ -176,9 +178,10 @@ fn main() {
         }
         if since_cut > 30 {
             substituted += u64::from(report.substituted);
+            drawn += report.drawn.len() as u64;
             smooth.push(100.0 * report.written as f64 / report.resident as f64);
         }
-        for (times, time) in times.iter_mut().zip([query_ms, select_ms, stream_ms]) {
+        for (times, time) in times.iter_mut().zip([query_ms, select_ms, predict_ms, stream_ms]) {
             times.push(time);
         }
         if since_cut < 6 || frame % 20 == 0 {
@@ -196,7 +199,7 @@ fn main() {
         }
         last = Some(selection);
     }
-    for (name, times) in ["query", "select", "stream"].iter().zip(&mut times) {
+    for (name, times) in ["query", "select", "predict", "stream"].iter().zip(&mut times) {
         let [half, most, worst] = [0.5, 0.95, 1.0].map(|share| percentile(times, share));
         println!("{name}: median {half:.2} ms, 95 % {most:.2}, worst {worst:.2}");
     }
@@ -205,6 +208,8 @@ fn main() {
         "written in smooth motion: {mean:.3} % of what is resident a frame, 95 % {:.3}",
         percentile(&mut smooth, 0.95)
     );
-    println!("drawn coarser or finer than wanted in smooth motion: {substituted}, all frames together");
+    println!(
+        "drawn coarser or finer than wanted in smooth motion: {substituted} of {drawn}, all frames together"
+    );
     println!("missing later than 3 frames after a cut: {missing_late}");
 }

@@ -192,7 +192,7 @@ fn trouble_is_told_with_a_reason_and_an_exit_code() {
     assert!(fails(&["visible", &scene, "--json", &scene], 2).contains(".json"));
     let nowhere = sample.path("missing/answer.json");
     assert!(fails(&["visible", &scene, "--json", &nowhere], 1).contains("no folder"));
-    assert!(fails(&["generate", "plant", "-o", "plant.obj"], 1).contains(".glb"));
+    assert!(fails(&["generate", "plant", "-o", "plant.obj"], 2).contains(".glb"));
     fails(&["generate", "copies", &model, "--copies", "0", "-o", &out], 2);
     fails(&["render", &scene, "--ids", "--spp", "2", "-o", "picture.png"], 2);
     let no_shadow = ["render", &scene, "--light", "headlight", "--shadows", "exact", "-o", "picture.png"];

@@ -416,7 +416,7 @@ fn bad_arguments_are_refused_with_a_reason_before_the_work() {
         all.extend(args);
         fails(&all, code)
     };
-    let error = with(&["--methods", "hybrid,magic"], 1);
+    let error = with(&["--methods", "hybrid,magic"], 2);
     assert!(error.contains("magic") && error.contains("frustum"), "{error}");
     assert!(with(&["--rays", "3/4"], 2).contains("1/16"));
     assert!(with(&["--still", "0"], 2).contains("0"));

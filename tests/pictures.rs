@@ -359,7 +359,7 @@ fn bad_flags_are_refused_before_the_work() {
         (vec!["-o", &out, "--spp", "1,2"], "--report", 2),
         (vec!["-o", &out, "--spp", "70000"], "65536", 2),
         (vec!["-o", &exr, "--bits", "16"], "--bits", 2),
-        (vec!["-o", "-", "--depth"], "needs a file", 2),
+        (vec!["-o", "-", "--depth"], "need a file", 2),
         (vec!["-o", &out, "--sky", "occluded", "--shadows", "none"], "--shadows none", 2),
         (vec!["-o", &out, "--light", "headlight", "--shadow-tolerance", "0.5"], "headlight", 2),
         (vec!["-o", &out, "--light", "none", "--areas", &no_areas], "no rectangle", 1),

@@ -7,7 +7,9 @@ use std::collections::HashMap;
 
 use common::Random;
 use voxsight::lod::{Choice, Level, System};
-use voxsight::streaming::{Frame, FrameReport, Loaded, Memory, Priority, StreamSettings, Streamer};
+use voxsight::streaming::{
+    Frame, FrameReport, LoadError, Loaded, Memory, Priority, StreamSettings, Streamer,
+};
 
 /// Drawables along a line, some of which share pages.
 struct Row {
@@ -132,7 +134,11 @@ impl Stage {
                 self.coming.push((page, when));
             } else {
                 let is_damaged = self.damaged.contains(&page);
-                let bytes = if is_damaged { Err("damaged".into()) } else { Ok(self.row.contents(page)) };
+                let bytes = if is_damaged {
+                    Err(LoadError::Source("damaged".into()))
+                } else {
+                    Ok(self.row.contents(page))
+                };
                 loaded.push(Loaded { page, bytes });
             }
         }

@@ -61,9 +61,9 @@ enum Up {
 
 impl Build {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
-        check_output(&self.output, "vxs")?;
+        check_output(&self.output, &["vxs"])?;
         if let Some(report) = &self.report {
-            check_output(report, "json")?;
+            check_output(report, &["json"])?;
         }
         let started = std::time::Instant::now();
         let guard = MemoryGuard::new(self.memory, progress)?;

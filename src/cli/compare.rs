@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use clap::Args;
 use image::RgbImage;
 
-use super::Failure;
 use super::numbers::{parse_rays, parse_size};
 use super::output::print_out;
 use super::progress::TerminalProgress;
+use super::{Failure, usage};
 use crate::lab::csv::frames_csv;
 use crate::lab::folder::{REPORT_JSON, check_folder, write_folder};
 use crate::lab::keyframes::CameraPath;
@@ -131,7 +131,7 @@ impl Compare {
     fn kinds(&self) -> Result<Vec<&'static MethodKind>, Failure> {
         let mut kinds: Vec<&'static MethodKind> = Vec::new();
         for name in self.methods.iter().map(|name| name.trim()).chain([FLOOR]) {
-            let kind = MethodKind::named(name)?;
+            let kind = MethodKind::named(name).map_err(|error| usage(error.to_string()))?;
             if !kinds.iter().any(|other| other.name == kind.name) {
                 kinds.push(kind);
             }

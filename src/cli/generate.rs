@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::Failure;
 use super::numbers::parse_count;
 use super::output::{human_bytes, human_count, print_out};
 use super::progress::TerminalProgress;
+use super::{Failure, usage};
 use crate::import::{ImportOptions, UpAxis, import};
 use crate::sample::{CopiesSettings, PlantSettings, WriteSummary, write_copies, write_plant};
 
@@ -58,7 +58,7 @@ impl Generate {
         let summary = match self {
             Generate::Plant(Plant { objects, triangles, seed, output }) => {
                 if output.extension().is_some_and(|extension| !extension.eq_ignore_ascii_case("glb")) {
-                    return Err(format!("{}: name a .glb file, or a folder", output.display()).into());
+                    return Err(usage(format!("{}: name a .glb file, or a folder", output.display())));
                 }
                 write_plant(&PlantSettings { objects, triangles, seed }, &output, progress)?
             }

@@ -1,5 +1,6 @@
 //! What commands print and write.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::Write;
 use std::path::Path;
@@ -77,15 +78,16 @@ pub fn read_camera(path: &Path) -> Result<Camera, Failure> {
 
 /// Refuses, before any work is done, an output whose folder is missing, or that would replace a file which is not of
 /// its kind: a model or a scene named by mistake. `-`, pipes and devices are fine.
-pub fn check_output(path: &Path, extension: &str) -> Result<(), Failure> {
+pub fn check_output(path: &Path, extensions: &[&str]) -> Result<(), Failure> {
     if path.is_dir() {
         return Err(format!("{}: is a folder; name a file", path.display()).into());
     }
     if path == Path::new("-") || fs::metadata(path).is_ok_and(|found| !found.is_file()) {
         return Ok(());
     }
-    if !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
-        return Err(usage(format!("{}: name this output .{extension}", path.display())));
+    let is_one = |found: &OsStr| extensions.iter().any(|extension| found.eq_ignore_ascii_case(extension));
+    if !path.extension().is_some_and(is_one) {
+        return Err(usage(format!("{}: name this output .{}", path.display(), extensions.join(" or ."))));
     }
     match path.parent() {
         Some(folder) if folder != Path::new("") && !folder.is_dir() => {

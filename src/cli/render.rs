@@ -90,7 +90,7 @@ impl Render {
         };
         let format = self.format(output)?;
         if let Some(path) = &self.save_camera {
-            check_output(path, "json")?;
+            check_output(path, &["json"])?;
         }
         let frames = self.read_path()?;
         let scene = Scene::open(scene)?;
@@ -157,27 +157,18 @@ impl Render {
         if self.path.is_some() && !output.to_string_lossy().contains(FRAME) {
             return Err(usage(format!("{}: a sequence needs {FRAME} in its name", output.display())));
         }
+        check_output(output, if self.ids || self.depth { &["png"] } else { &["png", "exr"] })?;
         let is_exr = output.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-        if is_exr && !self.ids && !self.depth {
-            if self.bits.is_some() {
-                return Err(usage("--bits is about PNG: EXR has 16-bit floats"));
-            }
-            check_output(output, "exr")?;
-            return Ok(Format::Exr);
-        }
-        if !is_stream(output) && !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-            let or_exr = if self.ids || self.depth { "" } else { " or .exr" };
-            return Err(usage(format!("{}: name this output .png{or_exr}", output.display())));
-        }
-        check_output(output, "png")?;
         let format = match self.bits.as_deref() {
             _ if self.ids => Format::Ids,
             _ if self.depth => Format::Depth,
+            Some(_) if is_exr => return Err(usage("--bits is about PNG: EXR has 16-bit floats")),
             Some("16") => Format::Png16,
+            _ if is_exr => Format::Exr,
             _ => Format::Png8,
         };
         if is_stream(output) && !is_for_streams(format) {
-            return Err(usage("--depth needs a file: its range is known at the end; name one"));
+            return Err(usage("--depth and EXR need a file: what comes first is known last; name one"));
         }
         Ok(format)
     }

@@ -77,7 +77,7 @@ impl Visible {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         let method = Method::from(self.method);
         for output in self.json.iter().chain(&self.save_camera) {
-            check_output(output, "json")?;
+            check_output(output, &["json"])?;
         }
         let scene = Scene::open(&self.scene)?;
         let camera = camera_or_overview(self.camera.as_deref(), &scene)?;

@@ -64,13 +64,14 @@ impl Step {
     }
 }
 
-/// Chooses levels; `last` is the selection of the frame before, if there was one.
+/// Chooses levels for candidates that rise by drawable; `last` is the selection of the frame before, if there was one.
 pub fn select(
     system: &dyn System,
     candidates: &[Candidate],
     settings: &DensitySettings,
     last: Option<&Selection>,
 ) -> Selection {
+    debug_assert!(candidates.is_sorted_by(|a, b| a.drawable < b.drawable), "candidates rise by drawable");
     let mut found = Selection::default();
     let enough = |candidate: &&Candidate| candidate.pixels >= settings.least_pixels;
     let mut drawn: Vec<Candidate> = candidates.iter().filter(enough).copied().collect();
@@ -105,9 +106,12 @@ pub fn select(
     found
 }
 
-/// Triangles a pixel; a drawable without samples counts as if it had one tenth of a pixel, and comes last.
+/// Pixels of a drawable that may be seen though no sample met it: fewer than a sample stands for in any query of sense.
+const UNSEEN_PIXELS: f64 = 0.1;
+
+/// Triangles a pixel.
 fn density(candidate: &Candidate, triangles: u32) -> f64 {
-    f64::from(triangles) / candidate.pixels.max(0.1)
+    f64::from(triangles) / candidate.pixels.max(UNSEEN_PIXELS)
 }
 
 /// Leaves out drawables until the coarsest levels of all others fit into the budget: those with fewest pixels a triangle.

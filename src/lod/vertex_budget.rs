@@ -46,8 +46,9 @@ pub fn shares(system: &dyn System, candidates: &[Candidate], settings: &VertexBu
     shares
 }
 
-/// Chooses levels.
+/// Chooses levels for candidates that rise by drawable.
 pub fn select(system: &dyn System, candidates: &[Candidate], settings: &VertexBudgetSettings) -> Selection {
+    debug_assert!(candidates.is_sorted_by(|a, b| a.drawable < b.drawable), "candidates rise by drawable");
     let shares = shares(system, candidates, settings);
     let mut found = Selection::default();
     let mut drawn: Vec<(f64, Choice)> = Vec::new();

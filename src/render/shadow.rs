@@ -2,8 +2,8 @@
 //!
 //! # Where they start
 //!
-//! A ray that starts in its own surface would meet it. Against triangles it starts [`EXACT_HEIGHT`] of the grid's side
-//! above the surface, far above what rounding moves a hit, far below any detail worth a shadow. Against voxels: every voxel
+//! A ray that starts in its own surface would meet it. Against triangles it starts [`EXACT_HEIGHT`] of the scene's
+//! size above the surface, far above what rounding moves a hit, far below any detail worth a shadow. Against voxels: every voxel
 //! that touches a plane with normal n (length 1) has all its points within |n.x| + |n.y| + |n.z| voxels of the plane, as far as
 //! the corners of a unit cube are apart along n. The overlap test widens a voxel by 1/256 on each side. A ray that starts
 //! (|n.x| + |n.y| + |n.z|) (1 + 2/256) voxels above its surface has left all voxels of that plane behind: no acne on flat or

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use super::Loaded;
+use super::{LoadError, Loaded};
 
 /// Where pages come from, such as a memory-mapped container.
 pub trait PageSource: Send + Sync + 'static {
@@ -14,7 +14,7 @@ pub trait PageSource: Send + Sync + 'static {
     /// # Errors
     ///
     /// It is damaged, or cannot be read.
-    fn load(&self, page: u32) -> Result<Vec<u8>, String>;
+    fn load(&self, page: u32) -> Result<Vec<u8>, LoadError>;
 }
 
 /// What the threads share.
@@ -132,9 +132,9 @@ mod tests {
     }
 
     impl PageSource for Numbers {
-        fn load(&self, page: u32) -> Result<Vec<u8>, String> {
+        fn load(&self, page: u32) -> Result<Vec<u8>, LoadError> {
             self.loads.fetch_add(1, Ordering::Relaxed);
-            if page == 7 { Err("damaged".into()) } else { Ok(page.to_le_bytes().to_vec()) }
+            if page == 7 { Err(LoadError::Source("damaged".into())) } else { Ok(page.to_le_bytes().to_vec()) }
         }
     }
 
@@ -167,7 +167,7 @@ mod tests {
         for loaded in all {
             match loaded.bytes {
                 Ok(bytes) => assert_eq!(bytes, loaded.page.to_le_bytes()),
-                Err(error) => assert_eq!((loaded.page, error.as_str()), (7, "damaged")),
+                Err(error) => assert_eq!((loaded.page, error.to_string()), (7, "damaged".to_owned())),
             }
         }
         assert_eq!(source.loads.load(Ordering::Relaxed), 50, "a page was read twice");
@@ -179,7 +179,7 @@ mod tests {
     fn what_is_asked_last_replaces_what_was_waited_for() {
         struct Slow;
         impl PageSource for Slow {
-            fn load(&self, _: u32) -> Result<Vec<u8>, String> {
+            fn load(&self, _: u32) -> Result<Vec<u8>, LoadError> {
                 std::thread::sleep(Duration::from_millis(2));
                 Ok(Vec::new())
             }

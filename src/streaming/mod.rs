@@ -52,7 +52,8 @@ pub struct StreamSettings {
     pub budget: u64,
     /// Bytes written in one frame, at most. Moves inside the memory count as well, but the last move of a frame may exceed it.
     pub upload: u64,
-    /// Share of the budget kept for the coarsest levels of what is in the frustum though it is not visible.
+    /// Share of the budget that the coarsest levels of what is in the frustum, but not visible, may take before finer levels of
+    /// what is visible.
     pub reserve: f64,
     /// Bytes asked of the loader or loaded and not written yet, at most, but for one page.
     pub in_flight: u64,
@@ -89,11 +90,27 @@ pub struct Loaded {
     /// Which page.
     pub page: u32,
     /// As it goes into memory; an error is told once, and the page is not asked for again.
-    pub bytes: Result<Vec<u8>, String>,
+    pub bytes: Result<Vec<u8>, LoadError>,
+}
+
+/// Why a page could not be had.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// Where it comes from says so.
+    #[error(transparent)]
+    Source(#[from] Box<dyn std::error::Error + Send + Sync>),
+    /// It is not as long as it should be.
+    #[error("expected a page of {expected} bytes, found {found}")]
+    Length {
+        /// By the page's layout.
+        expected: u64,
+        /// Of what came.
+        found: u64,
+    },
 }
 
 /// What a frame did.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub struct FrameReport {
     /// What can be drawn, rising by drawable.
     pub drawn: Vec<Choice>,
@@ -118,7 +135,7 @@ pub struct FrameReport {
     /// All that ought to be resident is.
     pub is_complete: bool,
     /// Pages that could not be loaded, and why.
-    pub failed: Vec<(u32, String)>,
+    pub failed: Vec<(u32, LoadError)>,
 }
 
 /// A page in memory.
@@ -222,7 +239,7 @@ impl Streamer {
         self.in_target.get(page as usize) == Some(&self.frame)
     }
 
-    /// Does one frame. `bytes_of` tells the bytes of pages, `loaded` hands over what came from the loader. Returns what was
+    /// Does one frame, always of the same system. `bytes_of` tells the bytes of pages, `loaded` hands over what came from the loader. Returns what was
     /// done, and the pages to be loaded next, most important first.
     pub fn frame(
         &mut self,
@@ -279,7 +296,7 @@ impl Streamer {
             let expected = bytes_of(page);
             let bytes = bytes.and_then(|bytes| match bytes.len() as u64 == expected {
                 true => Ok(bytes),
-                false => Err(format!("expected {expected} bytes, found {}", bytes.len())),
+                false => Err(LoadError::Length { expected, found: bytes.len() as u64 }),
             });
             match bytes {
                 Ok(_) if self.offset_of(page).is_some() => {}

@@ -10,7 +10,7 @@
 
 use std::sync::Arc;
 
-use super::PageSource;
+use super::{LoadError, PageSource};
 use crate::container::layout::LevelRecord;
 use crate::geometry::LevelMesh;
 use crate::scene::Scene;
@@ -98,8 +98,9 @@ impl ContainerPages {
 }
 
 impl PageSource for ContainerPages {
-    fn load(&self, page: u32) -> Result<Vec<u8>, String> {
-        self.0.level_mesh(page).map(|mesh| encode(&mesh)).map_err(|error| error.to_string())
+    fn load(&self, page: u32) -> Result<Vec<u8>, LoadError> {
+        let mesh = self.0.level_mesh(page).map_err(|error| LoadError::Source(error.into()))?;
+        Ok(encode(&mesh))
     }
 }
 

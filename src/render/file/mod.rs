@@ -15,18 +15,17 @@ use std::io::{self, BufWriter};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use xxhash_rust::xxh3::xxh3_128;
+
 use super::shade::TILE;
 use super::{Film, Renderer, ShadowCost};
 use crate::atomic_file::AtomicFile;
 use crate::progress::Progress;
 pub use depth::DepthRange;
 use part::PartFile;
-use xxhash_rust::xxh3::xxh3_128;
 
-/// Pixels of a band, at most, but for one row of tiles: what is in memory.
-const BAND_PIXELS: u64 = 1 << 20;
-
-/// Samples of a band, about: what an interrupted job loses, some seconds of work.
+/// Samples of a band, at most, but for one row of tiles: what an interrupted job loses, some seconds of work; and as many pixels
+/// at most are in memory.
 const BAND_SAMPLES: u64 = 1 << 20;
 
 /// Rows that are encoded together: OpenEXR compresses 16 at a time.
@@ -39,8 +38,8 @@ pub enum Format {
     Png8,
     /// sRGB, 16 bits.
     Png16,
-    /// Linear, brighter than white up to 65,504: R, G, B and the normal N.X, N.Y, N.Z in 16-bit floats; Z, the depth along the view, in 32 (infinite
-    /// where there is nothing); id, the object, in 32-bit integers (4294967295 where there is nothing).
+    /// Linear, brighter than white up to 65,504: R, G, B and the normal N.X, N.Y, N.Z in 16-bit floats; Z, the depth along the
+    /// view, in 32 (infinite where there is nothing); id, the object, in 32-bit integers (4294967295 where there is nothing).
     Exr,
     /// PNG of objects as colours ([`crate::render::id_colour`]), of pixels' middles.
     Ids,
@@ -90,7 +89,7 @@ pub enum Written {
 /// Why a picture could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// Stopped on request. What was rendered is kept.
+    /// Stopped on request. Whole bands are kept.
     #[error("{}", stopped(.path, .part, *.done, *.rows))]
     Stopped {
         /// The picture.
@@ -315,7 +314,7 @@ pub fn unfinished(path: &Path) -> Vec<PathBuf> {
 
 /// Rows of a band: whole tiles.
 fn band_rows(width: u32, samples_per_pixel: u32) -> u32 {
-    let pixels = (BAND_SAMPLES / u64::from(samples_per_pixel)).min(BAND_PIXELS);
+    let pixels = BAND_SAMPLES / u64::from(samples_per_pixel);
     // At most 2^20, and one tile's at least.
     let rows = (pixels / u64::from(width)) as u32;
     (rows / TILE * TILE).max(TILE)
