@@ -33,6 +33,8 @@ pub mod exact;
 pub mod export;
 pub mod filter;
 pub mod geometry;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod import;
 #[cfg(feature = "lab")]
 pub mod lab;

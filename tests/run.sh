@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Installs what is missing (Debian, Ubuntu), then runs all tests. Real models: VOXSIGHT_MODELS, default ../shared/models.
+# REQUIRE_GPU=1: fail where no graphics driver works, not even a software one; without it GPU tests say that they skip.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -7,16 +8,24 @@ if ! command -v cargo >/dev/null; then
     echo "cargo is missing: install Rust 1.95 or newer from https://rustup.rs, then run this again" >&2
     exit 1
 fi
+
+missing=()
 # A C++ compiler, for meshoptimizer.
-if ! command -v c++ >/dev/null; then
-    if ! command -v apt-get >/dev/null; then
+if ! command -v c++ >/dev/null; then missing+=(g++); fi
+# A Vulkan driver: any, or else one that runs on the processor.
+shopt -s nullglob
+drivers=(/usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json)
+if [ "$(uname)" = Linux ] && [ "${#drivers[@]}" -eq 0 ]; then missing+=(mesa-vulkan-drivers libvulkan1); fi
+if [ "${#missing[@]}" -gt 0 ]; then
+    if command -v apt-get >/dev/null; then
+        as_root=""
+        if [ "$(id -u)" -ne 0 ]; then as_root="sudo"; fi
+        $as_root apt-get update
+        $as_root apt-get install -y --no-install-recommends "${missing[@]}"
+    elif ! command -v c++ >/dev/null; then
         echo "a C++ compiler is missing: install one (g++ or clang++), then run this again" >&2
         exit 1
     fi
-    as_root=""
-    if [ "$(id -u)" -ne 0 ]; then as_root="sudo"; fi
-    $as_root apt-get update
-    $as_root apt-get install -y --no-install-recommends g++
 fi
 
 cargo test --workspace --locked "$@"

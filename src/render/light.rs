@@ -103,7 +103,7 @@ impl Sun {
     }
 
     /// Colour and strength: what a white surface that faces it reflects.
-    const REFLECTED: DVec3 = DVec3::new(0.85, 0.8245, 0.765);
+    pub(crate) const REFLECTED: DVec3 = DVec3::new(0.85, 0.8245, 0.765);
 
     /// The light of one point of the sun on a surface, from numbers in `0..1`; `None` when it is behind the surface.
     pub(super) fn sample(&self, normal: DVec3, u: f64, v: f64) -> Option<LightSample> {

@@ -1,0 +1,42 @@
+// The geometry pass: pages of triangles into depth, drawable, normal and colour.
+
+@group(0) @binding(5) var<uniform> view: View;
+
+struct Seen {
+    @builtin(position) position: vec4f,
+    @location(0) @interpolate(flat) drawable: u32,
+    @location(1) @interpolate(flat) normal: u32,
+    @location(2) @interpolate(flat) colour: u32,
+}
+
+struct Pixel {
+    @location(0) drawable: u32,
+    @location(1) normal: u32,
+    @location(2) colour: vec4f,
+}
+
+// Three vertices a triangle, fetched and decoded here: nothing is indexed, so that each knows its triangle's normal.
+@vertex
+fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) number: u32) -> Seen {
+    var instance = instances[number];
+    var q = corners_of(&instance, vertex / 3u);
+    let normal = face_normal(&instance, q);
+    let point = position_of(&instance, q[vertex % 3u]);
+    // What has no area covers no pixel, but its normal must be one.
+    let is_flat = dot(normal, normal) > 0.0;
+    // Drawn from both sides: CAD files are careless about winding, so the side that is seen is the outside.
+    let at = position_of(&instance, q[0]);
+    let towards = select(at, view.forward, view.near == 0.0);
+    let facing = select(normal, -normal, dot(normal, towards) > 0.0);
+    var seen: Seen;
+    seen.position = clip_from_relative(view, point);
+    seen.drawable = instance.drawable;
+    seen.normal = octahedral_pack(select(vec3f(0.0, 0.0, 1.0), facing, is_flat));
+    seen.colour = instance.colour;
+    return seen;
+}
+
+@fragment
+fn fragment_main(seen: Seen) -> Pixel {
+    return Pixel(seen.drawable, seen.normal, unpack4x8unorm(seen.colour));
+}

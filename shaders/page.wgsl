@@ -1,0 +1,111 @@
+// Pages of geometry as `streaming::page` lays them out, and the instances that draw them.
+
+// log2 of the words of a slab.
+override POOL_SHIFT: u32;
+
+@group(0) @binding(0) var<storage, read> pool_0: array<u32>;
+@group(0) @binding(1) var<storage, read> pool_1: array<u32>;
+@group(0) @binding(2) var<storage, read> pool_2: array<u32>;
+@group(0) @binding(3) var<storage, read> pool_3: array<u32>;
+@group(0) @binding(4) var<storage, read> instances: array<Instance>;
+
+// One drawable in one frame: `gpu::instance::Instance`. *Relative* space has the world's axes and the eye as its origin.
+struct Instance {
+    // Relative space from steps of the part's grid: columns.
+    column_x: vec3f,
+    // Added to the quantized coordinates, exactly.
+    base_x: i32,
+    column_y: vec3f,
+    base_y: i32,
+    column_z: vec3f,
+    base_z: i32,
+    // Below a step; added after `base`.
+    fraction: vec3f,
+    // Word of the first vertex in the pool.
+    vertices_at: u32,
+    translation: vec3f,
+    // Word of the first index in the pool.
+    indices_at: u32,
+    // The cofactors of the columns: what turns a cross product of steps into one of relative space.
+    normal_x: vec3f,
+    // 0, 1, 2: indices of 1, 2, 4 bytes.
+    index_log2: u32,
+    normal_y: vec3f,
+    drawable: u32,
+    normal_z: vec3f,
+    // sRGB, 8 bits each, red lowest.
+    colour: u32,
+}
+
+fn pool_word(at: u32) -> u32 {
+    let inside = at & ((1u << POOL_SHIFT) - 1u);
+    switch at >> POOL_SHIFT {
+        case 0u: { return pool_0[inside]; }
+        case 1u: { return pool_1[inside]; }
+        case 2u: { return pool_2[inside]; }
+        default: { return pool_3[inside]; }
+    }
+}
+
+// Quantized coordinates of a vertex: three u16 that begin at an even byte.
+fn quantized(instance: ptr<function, Instance>, vertex: u32) -> vec3i {
+    let half = 3u * vertex;
+    let word = (*instance).vertices_at + (half >> 1u);
+    let low = pool_word(word);
+    let high = pool_word(word + 1u);
+    let odd = (half & 1u) == 1u;
+    let x = select(low & 0xffffu, low >> 16u, odd);
+    let y = select(low >> 16u, high & 0xffffu, odd);
+    let z = select(high & 0xffffu, high >> 16u, odd);
+    return vec3i(vec3u(x, y, z));
+}
+
+// One of the indices of a page.
+fn corner_index(instance: ptr<function, Instance>, number: u32) -> u32 {
+    let log2 = (*instance).index_log2;
+    let byte = number << log2;
+    let word = pool_word((*instance).indices_at + (byte >> 2u));
+    // A shift by 32 is undefined: whole words take none.
+    let mask = select((1u << (8u << min(log2, 1u))) - 1u, 0xffffffffu, log2 == 2u);
+    return (word >> (8u * (byte & 3u))) & mask;
+}
+
+// Relative position of a vertex. Sums of steps are exact as far as f32 holds whole numbers, so that what is near the eye is as
+// exact as its distance, wherever the part's origin lies.
+fn position_of(instance: ptr<function, Instance>, q: vec3i) -> vec3f {
+    let base = vec3i((*instance).base_x, (*instance).base_y, (*instance).base_z);
+    let steps = vec3f(base + q) + (*instance).fraction;
+    let turned = (*instance).column_x * steps.x + (*instance).column_y * steps.y + (*instance).column_z * steps.z;
+    return turned + (*instance).translation;
+}
+
+// a b - c d of whole numbers up to 2^17: as exact as f32 can say it, also where the products cancel.
+fn difference_of_products(a: i32, b: i32, c: i32, d: i32) -> f32 {
+    let high = (a >> 8u) * b - (c >> 8u) * d;
+    let low = (a & 0xff) * b - (c & 0xff) * d;
+    return f32(high) * 256.0 + f32(low);
+}
+
+// Cross product of two edges in steps.
+fn cross_of_steps(a: vec3i, b: vec3i) -> vec3f {
+    return vec3f(
+        difference_of_products(a.y, b.z, a.z, b.y),
+        difference_of_products(a.z, b.x, a.x, b.z),
+        difference_of_products(a.x, b.y, a.y, b.x),
+    );
+}
+
+// Of a triangle, on the side from which its corners are counter-clockwise; not of length 1; zero where it has no area.
+fn face_normal(instance: ptr<function, Instance>, q: array<vec3i, 3>) -> vec3f {
+    let cross = cross_of_steps(q[1] - q[0], q[2] - q[0]);
+    return (*instance).normal_x * cross.x + (*instance).normal_y * cross.y + (*instance).normal_z * cross.z;
+}
+
+// Quantized corners of a triangle.
+fn corners_of(instance: ptr<function, Instance>, triangle: u32) -> array<vec3i, 3> {
+    return array<vec3i, 3>(
+        quantized(instance, corner_index(instance, 3u * triangle)),
+        quantized(instance, corner_index(instance, 3u * triangle + 1u)),
+        quantized(instance, corner_index(instance, 3u * triangle + 2u)),
+    );
+}

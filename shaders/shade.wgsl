@@ -1,0 +1,130 @@
+// The shading pass: light on what the geometry pass saw, as `render::shade` puts it on the CPU; marks around what is selected.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> light: Light;
+@group(0) @binding(2) var drawables: texture_2d<u32>;
+@group(0) @binding(3) var normals: texture_2d<u32>;
+@group(0) @binding(4) var colours: texture_2d<f32>;
+// Share of the sun, share of the sky that reach a pixel; row by row; one element where nothing casts shadows.
+@group(0) @binding(5) var<storage, read> reached: array<vec2f>;
+// Marks of drawables, four bits each, eight in a word.
+@group(0) @binding(6) var<storage, read> marks: array<u32>;
+
+// `gpu::light::LightUniform`.
+struct Light {
+    up: vec3f,
+    // 0 headlight, 1 sun, 2 none.
+    key: u32,
+    sun: vec3f,
+    fill: f32,
+    across: vec3f,
+    // 0 none, 1 plain, 2 occluded.
+    sky: u32,
+    // What a white surface that faces it reflects of the sun.
+    sun_reflected: vec3f,
+    // There is a share for each pixel.
+    has_shadows: u32,
+}
+
+const NOBODY: u32 = 0xffffffffu;
+const SELECTED: u32 = 1u;
+const HIGHLIGHTED: u32 = 2u;
+const OUTLINE: vec3f = vec3f(1.0, 0.45, 0.0);
+const HIGHLIGHT: vec3f = vec3f(0.15, 0.55, 1.0);
+
+fn linear_from_srgb(c: vec3f) -> vec3f {
+    return select(pow((c + 0.055) / 1.055, vec3f(2.4)), c / 12.92, c <= vec3f(0.04045));
+}
+
+fn srgb_from_linear(linear: vec3f) -> vec3f {
+    let c = clamp(linear, vec3f(0.0), vec3f(1.0));
+    return select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, c * 12.92, c <= vec3f(0.0031308));
+}
+
+// What a surface reflects of a plain sky.
+fn sky_reflected(normal: vec3f) -> vec3f {
+    let above = 0.5 + 0.5 * dot(normal, light.up);
+    return vec3f(0.30, 0.31, 0.34) * (0.35 + 0.65 * above);
+}
+
+// The sky itself.
+fn sky_radiance(direction: vec3f) -> vec3f {
+    let height = max(dot(normalize(direction), light.up), 0.0);
+    return mix(vec3f(0.86, 0.89, 0.93), vec3f(0.42, 0.58, 0.80), sqrt(height));
+}
+
+// Light that a white surface reflects.
+fn reflected(normal: vec3f, to_eye: vec3f, shares: vec2f) -> vec3f {
+    if light.key == 0u {
+        return vec3f(0.12 + 0.88 * max(dot(normal, to_eye), 0.0));
+    }
+    let eye = 0.14 * max(-dot(normal, view.forward), 0.0);
+    let side = 0.10 * abs(dot(normal, light.across));
+    var sum = vec3f(light.fill * (eye + side));
+    if light.key == 1u {
+        sum += light.sun_reflected * (max(dot(normal, light.sun), 0.0) * shares.x);
+    }
+    if light.sky != 0u {
+        sum += sky_reflected(normal) * shares.y;
+    }
+    return sum;
+}
+
+fn mark_of(drawable: u32) -> u32 {
+    if drawable == NOBODY || (drawable >> 3u) >= arrayLength(&marks) {
+        return 0u;
+    }
+    return (marks[drawable >> 3u] >> (4u * (drawable & 7u))) & 15u;
+}
+
+// Is a pixel on the border of what is selected?
+fn is_outline(pixel: vec2i) -> bool {
+    let size = vec2i(i32(view.width), i32(view.height));
+    var inside = 0;
+    var outside = 0;
+    for (var y = -1; y <= 1; y++) {
+        for (var x = -1; x <= 1; x++) {
+            let at = clamp(pixel + vec2i(x, y), vec2i(0), size - 1);
+            if (mark_of(textureLoad(drawables, at, 0).x) & SELECTED) != 0u {
+                inside++;
+            } else {
+                outside++;
+            }
+        }
+    }
+    return inside > 0 && outside > 0;
+}
+
+@vertex
+fn vertex_main(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
+    // One triangle over the whole picture.
+    let corner = vec2f(f32((vertex << 1u) & 2u), f32(vertex & 2u));
+    return vec4f(corner * 2.0 - 1.0, 0.0, 1.0);
+}
+
+@fragment
+fn fragment_main(@builtin(position) position: vec4f) -> @location(0) vec4f {
+    let pixel = vec2i(position.xy);
+    let drawable = textureLoad(drawables, pixel, 0).x;
+    let direction = direction_at(view, position.xy);
+    var colour: vec3f;
+    if drawable == NOBODY {
+        // Black where no sky shines, but under a headlight.
+        colour = select(sky_radiance(direction), vec3f(0.0), light.sky == 0u && light.key != 0u);
+    } else {
+        let normal = octahedral_unpack(textureLoad(normals, pixel, 0).x);
+        let albedo = linear_from_srgb(textureLoad(colours, pixel, 0).xyz);
+        var shares = vec2f(1.0);
+        if light.has_shadows != 0u {
+            shares = reached[u32(pixel.y) * view.width + u32(pixel.x)];
+        }
+        colour = albedo * reflected(normal, normalize(-direction), shares);
+        if (mark_of(drawable) & HIGHLIGHTED) != 0u {
+            colour = mix(colour, HIGHLIGHT, 0.45);
+        }
+    }
+    if is_outline(pixel) {
+        colour = OUTLINE;
+    }
+    return vec4f(srgb_from_linear(colour), 1.0);
+}

@@ -1,0 +1,175 @@
+//! What is drawn in a frame: an instance for each drawable, and a draw for each page.
+//!
+//! Placements are f64 on the CPU. What goes to the GPU is relative to the eye: where the eye is within reach of a part's
+//! grid, whole steps of the grid are subtracted from its vertices as integers, so that rounding is a fraction of the
+//! distance to the eye, not of the part's size or of its distance from the origin.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DMat3, DVec3, IVec3};
+
+use crate::lod::Choice;
+use crate::scene::Scene;
+use crate::streaming::PageLayout;
+
+/// Farther than this from the eye, in steps, a part is placed by its origin: i32 would not do, and f32 is as good there.
+const MOST_STEPS: f64 = (1 << 29) as f64;
+
+/// One drawable in one frame: `Instance` of `shaders/page.wgsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "told where shaders read them")]
+pub struct Instance {
+    pub column_x: [f32; 3],
+    pub base_x: i32,
+    pub column_y: [f32; 3],
+    pub base_y: i32,
+    pub column_z: [f32; 3],
+    pub base_z: i32,
+    pub fraction: [f32; 3],
+    pub vertices_at: u32,
+    pub translation: [f32; 3],
+    pub indices_at: u32,
+    pub normal_x: [f32; 3],
+    pub index_log2: u32,
+    pub normal_y: [f32; 3],
+    pub drawable: u32,
+    pub normal_z: [f32; 3],
+    pub colour: u32,
+}
+
+/// Where a chunk's grid lies: its offset in the part's grid, the part's step, its placement.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Added to quantized coordinates.
+    pub offset: [i32; 3],
+    /// Part units a step.
+    pub step: DVec3,
+    /// Part space to world.
+    pub world_from_part: DAffine3,
+}
+
+impl Instance {
+    /// Places a chunk as seen from `eye`. The rest is zero.
+    pub fn placed(placement: &Placement, eye: DVec3) -> Self {
+        let Placement { offset, step, world_from_part } = *placement;
+        let linear = world_from_part.matrix3 * DMat3::from_diagonal(step);
+        let offset = IVec3::from(offset);
+        // Where the eye is in steps; a placement without volume has no such place.
+        let eye_steps = linear.inverse() * (eye - world_from_part.translation);
+        let is_near = eye_steps.is_finite() && eye_steps.abs().max_element() < MOST_STEPS;
+        let (base, fraction, translation) = if is_near {
+            let whole = eye_steps.floor();
+            (offset - whole.as_ivec3(), whole - eye_steps, DVec3::ZERO)
+        } else {
+            (offset, DVec3::ZERO, world_from_part.translation - eye)
+        };
+        // Cross products turn with the cofactors. Their length does not matter: none may leave the range of f32.
+        let cofactors = [
+            linear.y_axis.cross(linear.z_axis),
+            linear.z_axis.cross(linear.x_axis),
+            linear.x_axis.cross(linear.y_axis),
+        ];
+        let largest = cofactors.iter().map(|c| c.abs().max_element()).fold(f64::MIN_POSITIVE, f64::max);
+        let [normal_x, normal_y, normal_z] = cofactors.map(|c| (c / largest).as_vec3().to_array());
+        Instance {
+            column_x: linear.x_axis.as_vec3().to_array(),
+            base_x: base.x,
+            column_y: linear.y_axis.as_vec3().to_array(),
+            base_y: base.y,
+            column_z: linear.z_axis.as_vec3().to_array(),
+            base_z: base.z,
+            fraction: fraction.as_vec3().to_array(),
+            translation: translation.as_vec3().to_array(),
+            normal_x,
+            normal_y,
+            normal_z,
+            ..Instance::default()
+        }
+    }
+
+    /// Draws a page that begins at this byte of the pool.
+    pub fn with_page(self, layout: &PageLayout, offset: u64) -> Self {
+        // The pool has at most 2^32 words, and pages begin at multiples of 16.
+        let vertices_at = (offset / 4) as u32;
+        Instance {
+            vertices_at,
+            indices_at: vertices_at + layout.indices_at / 4,
+            index_log2: layout.index_bytes.ilog2(),
+            ..self
+        }
+    }
+}
+
+/// Arguments of an indirect draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Draw {
+    /// Three a triangle.
+    pub vertices: u32,
+    /// Drawables that share the page.
+    pub instances: u32,
+    /// Zero.
+    pub first_vertex: u32,
+    /// The first of them.
+    pub first_instance: u32,
+}
+
+/// What a frame draws.
+#[derive(Clone, Debug, Default)]
+pub struct DrawList {
+    /// Those that share a page lie together.
+    pub instances: Vec<Instance>,
+    /// Of what is opaque, a draw a page.
+    pub opaque: Vec<Draw>,
+    /// Of what is seen through.
+    pub transparent: Vec<Draw>,
+    /// Of all instances.
+    pub triangles: u64,
+}
+
+impl DrawList {
+    /// Lists resident drawables. `offset_of` tells where in the pool a page is; what is not there is left out.
+    pub fn new(scene: &Scene, eye: DVec3, drawn: &[Choice], offset_of: impl Fn(u32) -> Option<u64>) -> Self {
+        let page_of = |choice: &Choice| {
+            let chunk = scene.drawables()[choice.drawable as usize].chunk;
+            scene.chunks()[chunk as usize].first_level + choice.level
+        };
+        let object_of = |choice: &Choice| &scene.objects()[scene.drawable_object(choice.drawable) as usize];
+        let mut order: Vec<(bool, u32, Choice)> = drawn
+            .iter()
+            .map(|choice| (object_of(choice).colour[3] < 255, page_of(choice), *choice))
+            .collect();
+        order.sort_unstable();
+        let mut list = DrawList::default();
+        for group in order.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let [(is_transparent, page, _), ..] = *group else { continue };
+            let Some(offset) = offset_of(page) else { continue };
+            let record = &scene.levels()[page as usize];
+            let layout = PageLayout::of(record);
+            let first_instance = list.instances.len() as u32;
+            list.instances.extend(group.iter().map(|(.., choice)| {
+                let chunk = scene.drawables()[choice.drawable as usize].chunk;
+                let object = object_of(choice);
+                let placement = Placement {
+                    offset: scene.chunks()[chunk as usize].offset,
+                    step: glam::Vec3::from(scene.parts()[object.part as usize].step).as_dvec3(),
+                    world_from_part: DAffine3::from_cols_array(&object.world_from_part),
+                };
+                Instance {
+                    drawable: choice.drawable,
+                    colour: u32::from_le_bytes(object.colour),
+                    ..Instance::placed(&placement, eye).with_page(&layout, offset)
+                }
+            }));
+            let draws = if is_transparent { &mut list.transparent } else { &mut list.opaque };
+            draws.push(Draw {
+                vertices: 3 * record.triangle_count,
+                instances: group.len() as u32,
+                first_vertex: 0,
+                first_instance,
+            });
+            list.triangles += u64::from(record.triangle_count) * group.len() as u64;
+        }
+        list
+    }
+}

@@ -1,0 +1,26 @@
+//! The GPU runtime: pages of quantized geometry in one memory, decoded by the vertex shader, into a deferred picture.
+//!
+//! # The map, in the order data flows
+//!
+//! [`context`] (adapter, device, errors) -> [`memory`] (where [`streaming`](crate::streaming) puts pages) -> [`instance`] (what a
+//! frame draws, relative to the eye) and [`view`] (its camera) -> [`geometry`] (pages into depth, drawable, normal, colour:
+//! [`target`]) -> [`shade`] ([`light`] on it, [`marks`] around what is selected). [`frame`] does all of a frame, [`timer`] tells what
+//! each pass took.
+//!
+//! Shader texts are in `shaders/`, put together by [`shader`]. Structures that both sides read have the same names and fields; a
+//! test compares their layouts.
+
+pub mod context;
+pub mod frame;
+pub mod geometry;
+pub mod instance;
+pub mod light;
+pub mod marks;
+pub mod memory;
+pub mod shade;
+pub mod shader;
+pub mod target;
+pub mod timer;
+pub mod view;
+
+pub use context::{Context, ContextSettings, GpuError};

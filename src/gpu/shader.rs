@@ -1,0 +1,22 @@
+//! Shader texts, and modules made of them.
+
+use super::context::Context;
+
+/// Pages, instances, decoding.
+pub const PAGE: &str = include_str!("../../shaders/page.wgsl");
+/// Directions in 32 bits.
+pub const OCTAHEDRAL: &str = include_str!("../../shaders/octahedral.wgsl");
+/// The camera.
+pub const VIEW: &str = include_str!("../../shaders/view.wgsl");
+/// The geometry pass; after [`PAGE`], [`OCTAHEDRAL`] and [`VIEW`].
+pub const GEOMETRY: &str = include_str!("../../shaders/geometry.wgsl");
+/// The shading pass; after [`VIEW`] and [`OCTAHEDRAL`].
+pub const SHADE: &str = include_str!("../../shaders/shade.wgsl");
+
+/// Makes a module of several texts, one after the other.
+pub fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderModule {
+    context.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(label),
+        source: wgpu::ShaderSource::Wgsl(texts.concat().into()),
+    })
+}

@@ -1,0 +1,37 @@
+//! Structures of the shaders and of the library lie in memory alike.
+
+use naga::TypeInner;
+use voxsight::gpu::instance::Instance;
+use voxsight::gpu::shader;
+use voxsight::gpu::view::ViewUniform;
+
+/// Names and offsets of the members of a shader's structure, and its size.
+fn members(texts: &[&str], name: &str) -> (Vec<(String, usize)>, usize) {
+    let module = naga::front::wgsl::parse_str(&texts.concat()).unwrap();
+    let named = |ty: &naga::Type| ty.name.as_deref() == Some(name);
+    let (_, ty) = module.types.iter().find(|(_, ty)| named(ty)).unwrap();
+    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
+    let list = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
+    (list, *span as usize)
+}
+
+/// The same of one of ours.
+macro_rules! ours {
+    ($type:ty: $($field:ident)*) => {
+        (vec![$((stringify!($field).to_owned(), std::mem::offset_of!($type, $field))),*], size_of::<$type>())
+    };
+}
+
+#[test]
+fn instances_lie_in_memory_as_the_shader_reads_them() {
+    let ours = ours!(Instance: column_x base_x column_y base_y column_z base_z fraction vertices_at translation
+        indices_at normal_x index_log2 normal_y drawable normal_z colour);
+    assert_eq!(members(&[shader::PAGE], "Instance"), ours);
+}
+
+#[test]
+fn views_lie_in_memory_as_the_shader_reads_them() {
+    let ours = ours!(ViewUniform: clip_x clip_y clip_z clip_w start near start_column far start_row width
+        direction height direction_column padding_0 direction_row padding_1 forward padding_2);
+    assert_eq!(members(&[shader::VIEW], "View"), ours);
+}

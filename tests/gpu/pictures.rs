@@ -1,0 +1,218 @@
+//! Whole frames against the CPU's picture.
+
+use glam::DVec3;
+use voxsight::camera::{Camera, CameraRays, Projection};
+use voxsight::gpu::Context;
+use voxsight::gpu::frame::{FrameInput, FrameRenderer};
+use voxsight::gpu::instance::DrawList;
+use voxsight::gpu::marks::Marks;
+use voxsight::gpu::target::NOBODY;
+use voxsight::loaded::LoadedScene;
+use voxsight::lod::Choice;
+use voxsight::progress::Silent;
+use voxsight::render::{FilmPixel, Lighting, RenderSettings, Renderer, Shadows};
+use voxsight::sample::{PlantSettings, plant};
+use voxsight::streaming::{Memory, page, pool::padded};
+
+use super::common::{build_model, load, random_model};
+use super::context;
+
+/// A frame read back.
+struct Frame {
+    drawables: Vec<u32>,
+    depths: Vec<f32>,
+    picture: Vec<[u8; 4]>,
+}
+
+/// Draws all of a scene at level 0 (`levels` chooses others), everything resident.
+fn draw(
+    context: &Context,
+    scene: &LoadedScene,
+    camera: &CameraRays,
+    lighting: &Lighting,
+    level_of: impl Fn(u32) -> u32,
+) -> Frame {
+    let all = scene.scene();
+    let choices: Vec<Choice> = (0..all.drawables().len() as u32)
+        .filter(|&d| !scene.query().exact.is_transparent(d))
+        .map(|drawable| Choice { drawable, level: level_of(drawable) })
+        .collect();
+    let page_of = |choice: &Choice| {
+        all.chunks()[all.drawables()[choice.drawable as usize].chunk as usize].first_level + choice.level
+    };
+    let mut pages: Vec<u32> = choices.iter().map(page_of).collect();
+    pages.sort_unstable();
+    pages.dedup();
+    let encoded: Vec<(u32, Vec<u8>)> =
+        pages.into_iter().map(|p| (p, page::encode(&all.level_mesh(p).unwrap()))).collect();
+    let total: u64 = encoded.iter().map(|(_, bytes)| padded(bytes.len() as u64)).sum();
+    let bounds = all.meta().bounds;
+    let bounds = (bounds.min.into(), bounds.max.into());
+    let mut renderer = FrameRenderer::new(context, total.max(16), bounds, camera.size()).unwrap();
+    let mut offsets = std::collections::HashMap::new();
+    let mut at = 0;
+    for (page, bytes) in encoded {
+        renderer.memory.write(at, &bytes);
+        offsets.insert(page, at);
+        at += padded(bytes.len() as u64);
+    }
+    let list = DrawList::new(all, camera.eye(), &choices, |page| offsets.get(&page).copied());
+    let marks = Marks::default();
+    let input = FrameInput { list: &list, camera, lighting, up: DVec3::Y, marks: &marks };
+    renderer.draw(&input).unwrap();
+    let targets = renderer.targets();
+    let reversed: Vec<f32> = targets.depth.read(context).unwrap();
+    let view = voxsight::gpu::view::ViewUniform::new(camera, bounds.0, bounds.1);
+    let depth = |r: f32| if view.near > 0.0 { view.near / r } else { (1.0 - r) * view.far };
+    Frame {
+        drawables: targets.drawable.read(context).unwrap(),
+        depths: reversed.into_iter().map(depth).collect(),
+        picture: targets.picture.read(context).unwrap(),
+    }
+}
+
+/// The CPU's picture of what is opaque.
+fn reference(scene: &mut LoadedScene, camera: &CameraRays, lighting: &Lighting) -> Vec<FilmPixel> {
+    let count = scene.scene().drawables().len() as u32;
+    let glass: Vec<u32> = (0..count).filter(|&d| scene.query().exact.is_transparent(d)).collect();
+    glass.iter().for_each(|&d| scene.filter_mut().set_hidden(d, true));
+    let settings = RenderSettings {
+        samples_per_pixel: 1,
+        lighting: lighting.clone(),
+        shadows: Shadows::None,
+        up: DVec3::Y,
+        seed: 0,
+    };
+    let picture = scene.picture();
+    let renderer = Renderer::new(&picture, camera, &settings);
+    let (film, _) = renderer.rows(0..camera.size().1, &Silent).unwrap();
+    let pixels = film.pixels;
+    glass.iter().for_each(|&d| scene.filter_mut().set_hidden(d, false));
+    pixels
+}
+
+/// Is a neighbour of this pixel of another drawable, or much nearer or farther?
+fn is_edge(film: &[FilmPixel], (width, height): (u32, u32), index: usize) -> bool {
+    let (x, y) = (index as i64 % i64::from(width), index as i64 / i64::from(width));
+    let here = &film[index];
+    (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))).any(|(x, y)| {
+        let inside = (0..i64::from(width)).contains(&x) && (0..i64::from(height)).contains(&y);
+        inside && film[(y * i64::from(width) + x) as usize].drawable != here.drawable
+    })
+}
+
+/// Compares a frame with the CPU's. Returns the share of pixels whose drawable differs.
+fn compare(name: &str, frame: &Frame, film: &[FilmPixel], size: (u32, u32)) -> f64 {
+    let mut differ = 0;
+    let mut worst_depth = 0f64;
+    for (index, expected) in film.iter().enumerate() {
+        let found = frame.drawables[index];
+        if found != expected.drawable {
+            differ += 1;
+            assert!(is_edge(film, size, index), "{name}: pixel {index} differs, and no edge is there");
+            continue;
+        }
+        if found != NOBODY {
+            let error = f64::from((frame.depths[index] / expected.depth - 1.0).abs());
+            // Steep surfaces change their depth within the rounding of a pixel's place.
+            if !is_edge(film, size, index) {
+                worst_depth = worst_depth.max(error);
+            }
+        }
+    }
+    let share = f64::from(differ) / film.len() as f64;
+    println!("{name}: {differ} pixels differ, {:.4} %; worst depth error {worst_depth:.1e}", 100.0 * share);
+    share
+}
+
+#[test]
+fn drawables_are_those_of_exact_but_for_silhouettes() {
+    let Some(context) = context() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    let size = (384, 256);
+    let lighting = Lighting::headlight();
+    let settings = PlantSettings { objects: 3000, triangles: 300_000, ..PlantSettings::default() };
+    build_model(plant(&settings), 8, &path);
+    let mut scene = load(&path);
+    let (min, max) =
+        (DVec3::from(scene.scene().meta().bounds.min), DVec3::from(scene.scene().meta().bounds.max));
+    let centre = 0.5 * (min + max);
+    let mut cameras = vec![
+        ("outside", Camera::around(min, max, DVec3::new(1.0, 0.6, 0.7), DVec3::Y, size.0, size.1)),
+        ("top", Camera::around(min, max, DVec3::Y, DVec3::X, size.0, size.1)),
+    ];
+    let inside = Camera {
+        eye: (centre + DVec3::new(0.3, 0.1, 0.2)).into(),
+        target: (centre + DVec3::new(10.0, -1.0, 4.0)).into(),
+        up: [0.0, 1.0, 0.0],
+        projection: Projection::Perspective { fov_y_deg: 70.0 },
+        ..cameras[0].1
+    };
+    cameras.push(("inside", inside));
+    cameras.push((
+        "parallel",
+        Camera {
+            projection: Projection::Orthographic { height: 0.4 * (max - min).max_element() },
+            ..cameras[0].1
+        },
+    ));
+    for (name, camera) in cameras {
+        let camera = camera.rays().unwrap();
+        let film = reference(&mut scene, &camera, &lighting);
+        let frame = draw(context, &scene, &camera, &lighting, |_| 0);
+        let share = compare(name, &frame, &film, size);
+        assert!(share <= 0.002, "{name}: {share}");
+        assert!(
+            film.iter().filter(|p| p.drawable != NOBODY).count() > film.len() / 10,
+            "{name}: next to nothing is seen"
+        );
+    }
+}
+
+#[test]
+fn pictures_far_from_the_origin_stay_exact() {
+    let Some(context) = context() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for (seed, centre) in [(5, DVec3::ZERO), (5, DVec3::new(1e7, -3e6, 2e7))] {
+        let path = folder.path().join("scene.vxs");
+        build_model(random_model(seed, 60, centre), 8, &path);
+        let mut scene = load(&path);
+        let size = (256, 256);
+        for eye in [DVec3::new(9.0, 11.0, 10.5), DVec3::new(-20.0, 25.0, 40.0)] {
+            let camera = Camera {
+                eye: (centre + eye).into(),
+                target: (centre + DVec3::splat(10.0)).into(),
+                up: [0.1, 1.0, 0.0],
+                projection: Projection::Perspective { fov_y_deg: 60.0 },
+                width: size.0,
+                height: size.1,
+            };
+            let camera = camera.rays().unwrap();
+            for lighting in [Lighting::headlight(), Lighting::sunny(DVec3::new(0.4, 1.0, 0.3))] {
+                let film = reference(&mut scene, &camera, &lighting);
+                let frame = draw(context, &scene, &camera, &lighting, |_| 0);
+                let name = format!("{centre} from {eye}");
+                let share = compare(&name, &frame, &film, size);
+                assert!(share <= 0.002, "{name}: {share}");
+                check_picture(&name, &frame, &film);
+            }
+        }
+    }
+}
+
+/// The pictures are the same but for the last bit of a few bytes, where both see the same.
+fn check_picture(name: &str, frame: &Frame, film: &[FilmPixel]) {
+    let expected =
+        voxsight::render::Film { width: film.len() as u32, rows: 0..1, pixels: film.to_vec() }.to_rgb8();
+    let mut off = 0;
+    for (index, expected) in expected.pixels().enumerate() {
+        if frame.drawables[index] != film[index].drawable {
+            continue;
+        }
+        let worst = (0..3).map(|c| frame.picture[index][c].abs_diff(expected.0[c])).max().unwrap();
+        assert!(worst <= 3, "{name}: pixel {index}: {:?} instead of {:?}", frame.picture[index], expected.0);
+        off += u32::from(worst > 1);
+    }
+    assert!(f64::from(off) <= 0.01 * film.len() as f64, "{name}: {off} pixels are off by more than 1");
+}
