@@ -1,16 +1,21 @@
 //! A frame: copies, geometry, light, one after the other in one submission.
 
 use glam::DVec3;
+use voxsight_voxel::dag::DagRef;
+use voxsight_voxel::grid::Grid;
 use wgpu::BufferUsages;
 use wgpu::util::DeviceExt;
 
+use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
+use super::dag::GpuDag;
 use super::geometry::GeometryPass;
 use super::instance::DrawList;
 use super::light::LightUniform;
 use super::marks::Marks;
 use super::memory::{Copies, PagedMemory};
 use super::shade::{ShadeInputs, ShadePass};
+use super::shadow::{ShadowInputs, ShadowPass, ShadowSettings};
 use super::target::Targets;
 use super::timer::{Recording, Timer};
 use super::view::ViewUniform;
@@ -30,6 +35,18 @@ pub struct FrameInput<'a> {
     pub up: DVec3,
     /// What is selected.
     pub marks: &'a Marks,
+    /// Cast by voxels, if at all.
+    pub shadows: Option<ShadowSettings>,
+    /// Another number where other drawables are drawn or cast shadows: accumulated shadows begin anew.
+    pub scene: u64,
+}
+
+/// Voxels that cast shadows.
+#[derive(Debug)]
+struct Voxels {
+    dag: GpuDag,
+    grid: Grid,
+    pass: ShadowPass,
 }
 
 /// Draws frames.
@@ -40,6 +57,7 @@ pub struct FrameRenderer {
     pub memory: PagedMemory,
     targets: Targets,
     geometry: GeometryPass,
+    voxels: Option<Voxels>,
     shade: ShadePass,
     timer: Timer,
     /// Corners of the scene.
@@ -63,6 +81,7 @@ impl FrameRenderer {
         let memory = PagedMemory::new(context, budget)?;
         Ok(FrameRenderer {
             geometry: GeometryPass::new(context, memory.slabs()),
+            voxels: None,
             shade: ShadePass::new(context),
             targets: Targets::new(context, size)?,
             timer: Timer::new(context),
@@ -71,6 +90,40 @@ impl FrameRenderer {
             memory,
             bounds,
         })
+    }
+
+    /// Makes voxels cast shadows from now on.
+    ///
+    /// # Errors
+    ///
+    /// More than the adapter can hold.
+    pub fn set_voxels(&mut self, dag: &DagRef, grid: &Grid, clear: &ClearBricks) -> Result<(), GpuError> {
+        let dag = GpuDag::new(&self.context, dag, clear)?;
+        let pass = ShadowPass::new(&self.context, &dag);
+        self.voxels = Some(Voxels { dag, grid: *grid, pass });
+        self.context.check()
+    }
+
+    /// Other drawables cast shadows.
+    pub fn set_clear(&mut self, clear: &ClearBricks) {
+        if let Some(voxels) = &mut self.voxels {
+            voxels.dag.set_clear(&self.context, clear);
+        }
+    }
+
+    /// Shares of sun and sky that reached each pixel of the last frame with shadows.
+    pub fn reached(&self) -> Option<&wgpu::Buffer> {
+        self.voxels.as_ref().map(|voxels| voxels.pass.reached())
+    }
+
+    /// Samples of its shadows so far.
+    pub fn shadow_samples(&self) -> u32 {
+        self.voxels.as_ref().map_or(0, |voxels| voxels.pass.samples())
+    }
+
+    /// Bytes of the voxel DAG.
+    pub fn voxel_bytes(&self) -> u64 {
+        self.voxels.as_ref().map_or(0, |voxels| voxels.dag.bytes())
     }
 
     /// Draws a frame: what was written into the memory goes first. Does not wait.
@@ -83,17 +136,34 @@ impl FrameRenderer {
         if self.targets.size != input.camera.size() {
             self.targets = Targets::new(context, input.camera.size())?;
         }
-        let view = ViewUniform::new(input.camera, self.bounds.0, self.bounds.1);
-        let view = uniform(context, "view", &[view], BufferUsages::UNIFORM);
-        let light = LightUniform::new(input.lighting, input.up, false);
-        let light = uniform(context, "light", &[light], BufferUsages::UNIFORM);
+        let camera = ViewUniform::new(input.camera, self.bounds.0, self.bounds.1);
+        let view = uniform(context, "view", &[camera], BufferUsages::UNIFORM);
         let marks = input.marks.buffer(context);
         timer.begin();
         let mut encoder = context.device.create_command_encoder(&Default::default());
         let copies = memory.flush(context, &mut encoder);
         let mut recording = Recording { context, encoder: &mut encoder, timer };
         geometry.record(&mut recording, memory.slabs(), input.list, &view, &self.targets);
-        let inputs = ShadeInputs { view: &view, light: &light, reached: &self.nothing, marks: &marks };
+        let reached = match (&mut self.voxels, input.shadows) {
+            (Some(Voxels { dag, grid, pass }), Some(settings)) => {
+                let inputs = ShadowInputs {
+                    dag,
+                    grid,
+                    camera: input.camera,
+                    view: camera,
+                    view_buffer: &view,
+                    lighting: input.lighting,
+                    scene: input.scene,
+                    settings,
+                };
+                pass.record(&mut recording, &inputs, &self.targets).then(|| pass.reached())
+            }
+            _ => None,
+        };
+        let light = LightUniform::new(input.lighting, input.up, reached.is_some());
+        let light = uniform(context, "light", &[light], BufferUsages::UNIFORM);
+        let reached = reached.unwrap_or(&self.nothing);
+        let inputs = ShadeInputs { view: &view, light: &light, reached, marks: &marks };
         shade.record(&mut recording, &inputs, &self.targets);
         timer.end(&mut encoder);
         context.queue.submit([encoder.finish()]);

@@ -4,13 +4,15 @@
 //!
 //! [`context`] (adapter, device, errors) -> [`memory`] (where [`streaming`](crate::streaming) puts pages) -> [`instance`] (what a
 //! frame draws, relative to the eye) and [`view`] (its camera) -> [`geometry`] (pages into depth, drawable, normal, colour:
-//! [`target`]) -> [`shade`] ([`light`] on it, [`marks`] around what is selected). [`frame`] does all of a frame, [`timer`] tells what
+//! [`target`]) -> [`shadow`] (rays through the [`dag`], but for voxels that are [`clear`]; its [`twin`] on the CPU) -> [`shade`] ([`light`] on it, [`marks`] around what is selected). [`frame`] does all of a frame, [`timer`] tells what
 //! each pass took.
 //!
 //! Shader texts are in `shaders/`, put together by [`shader`]. Structures that both sides read have the same names and fields; a
 //! test compares their layouts.
 
+pub mod clear;
 pub mod context;
+pub mod dag;
 pub mod frame;
 pub mod geometry;
 pub mod instance;
@@ -19,8 +21,10 @@ pub mod marks;
 pub mod memory;
 pub mod shade;
 pub mod shader;
+pub mod shadow;
 pub mod target;
 pub mod timer;
+pub mod twin;
 pub mod view;
 
 pub use context::{Context, ContextSettings, GpuError};

@@ -10,6 +10,12 @@ pub const OCTAHEDRAL: &str = include_str!("../../shaders/octahedral.wgsl");
 pub const VIEW: &str = include_str!("../../shaders/view.wgsl");
 /// The geometry pass; after [`PAGE`], [`OCTAHEDRAL`] and [`VIEW`].
 pub const GEOMETRY: &str = include_str!("../../shaders/geometry.wgsl");
+/// Rays through the voxel DAG.
+pub const DAG: &str = include_str!("../../shaders/dag.wgsl");
+/// The shadow pass; after [`VIEW`], [`OCTAHEDRAL`] and [`DAG`].
+pub const SHADOW: &str = include_str!("../../shaders/shadow.wgsl");
+/// What smooths it; after [`VIEW`] and [`OCTAHEDRAL`].
+pub const FILTER: &str = include_str!("../../shaders/filter.wgsl");
 /// The shading pass; after [`VIEW`] and [`OCTAHEDRAL`].
 pub const SHADE: &str = include_str!("../../shaders/shade.wgsl");
 

@@ -8,6 +8,8 @@ mod common;
 mod decode;
 mod layout;
 mod pictures;
+mod rays;
+mod shadows;
 
 use std::io::Write;
 use std::sync::OnceLock;

@@ -3,9 +3,11 @@
 use glam::DVec3;
 use voxsight::camera::{Camera, CameraRays, Projection};
 use voxsight::gpu::Context;
+use voxsight::gpu::clear::ClearBricks;
 use voxsight::gpu::frame::{FrameInput, FrameRenderer};
 use voxsight::gpu::instance::DrawList;
 use voxsight::gpu::marks::Marks;
+use voxsight::gpu::shadow::ShadowSettings;
 use voxsight::gpu::target::NOBODY;
 use voxsight::loaded::LoadedScene;
 use voxsight::lod::Choice;
@@ -18,10 +20,10 @@ use super::common::{build_model, load, random_model};
 use super::context;
 
 /// A frame read back.
-struct Frame {
-    drawables: Vec<u32>,
-    depths: Vec<f32>,
-    picture: Vec<[u8; 4]>,
+pub struct Frame {
+    pub drawables: Vec<u32>,
+    pub depths: Vec<f32>,
+    pub picture: Vec<[u8; 4]>,
 }
 
 /// Draws all of a scene at level 0 (`levels` chooses others), everything resident.
@@ -32,6 +34,30 @@ fn draw(
     lighting: &Lighting,
     level_of: impl Fn(u32) -> u32,
 ) -> Frame {
+    draw_frames(context, scene, camera, lighting, level_of, None, 1).0
+}
+
+/// Draws some frames with shadows: the last, and the shares of sun and sky that reach its pixels.
+pub fn draw_with_shadows(
+    context: &Context,
+    scene: &LoadedScene,
+    camera: &CameraRays,
+    lighting: &Lighting,
+    shadows: ShadowSettings,
+    frames: u32,
+) -> (Frame, Vec<[f32; 2]>) {
+    draw_frames(context, scene, camera, lighting, |_| 0, Some(shadows), frames)
+}
+
+fn draw_frames(
+    context: &Context,
+    scene: &LoadedScene,
+    camera: &CameraRays,
+    lighting: &Lighting,
+    level_of: impl Fn(u32) -> u32,
+    shadows: Option<ShadowSettings>,
+    frames: u32,
+) -> (Frame, Vec<[f32; 2]>) {
     let all = scene.scene();
     let choices: Vec<Choice> = (0..all.drawables().len() as u32)
         .filter(|&d| !scene.query().exact.is_transparent(d))
@@ -58,24 +84,31 @@ fn draw(
     }
     let list = DrawList::new(all, camera.eye(), &choices, |page| offsets.get(&page).copied());
     let marks = Marks::default();
-    let input = FrameInput { list: &list, camera, lighting, up: DVec3::Y, marks: &marks };
-    renderer.draw(&input).unwrap();
+    let input = FrameInput { list: &list, camera, lighting, up: DVec3::Y, marks: &marks, shadows, scene: 0 };
+    if shadows.is_some() {
+        let query = scene.query();
+        let clear = ClearBricks::new(&query.dag, &query.owners, |d| !query.exact.is_transparent(d));
+        renderer.set_voxels(&query.dag, &query.grid, &clear).unwrap();
+    }
+    for _ in 0..frames {
+        renderer.draw(&input).unwrap();
+    }
+    let reached = renderer.reached().map(|buffer| context.read(buffer).unwrap());
+    let reached = reached.map(|bytes| bytemuck::pod_collect_to_vec(&bytes)).unwrap_or_default();
     let targets = renderer.targets();
     let reversed: Vec<f32> = targets.depth.read(context).unwrap();
     let view = voxsight::gpu::view::ViewUniform::new(camera, bounds.0, bounds.1);
     let depth = |r: f32| if view.near > 0.0 { view.near / r } else { (1.0 - r) * view.far };
-    Frame {
+    let frame = Frame {
         drawables: targets.drawable.read(context).unwrap(),
         depths: reversed.into_iter().map(depth).collect(),
         picture: targets.picture.read(context).unwrap(),
-    }
+    };
+    (frame, reached)
 }
 
 /// The CPU's picture of what is opaque.
 fn reference(scene: &mut LoadedScene, camera: &CameraRays, lighting: &Lighting) -> Vec<FilmPixel> {
-    let count = scene.scene().drawables().len() as u32;
-    let glass: Vec<u32> = (0..count).filter(|&d| scene.query().exact.is_transparent(d)).collect();
-    glass.iter().for_each(|&d| scene.filter_mut().set_hidden(d, true));
     let settings = RenderSettings {
         samples_per_pixel: 1,
         lighting: lighting.clone(),
@@ -83,12 +116,23 @@ fn reference(scene: &mut LoadedScene, camera: &CameraRays, lighting: &Lighting) 
         up: DVec3::Y,
         seed: 0,
     };
-    let picture = scene.picture();
-    let renderer = Renderer::new(&picture, camera, &settings);
-    let (film, _) = renderer.rows(0..camera.size().1, &Silent).unwrap();
-    let pixels = film.pixels;
-    glass.iter().for_each(|&d| scene.filter_mut().set_hidden(d, false));
+    let mut pixels = Vec::new();
+    hide_glass(scene, |scene| {
+        let picture = scene.picture();
+        let renderer = Renderer::new(&picture, camera, &settings);
+        let (film, _) = renderer.rows(0..camera.size().1, &Silent).unwrap();
+        pixels = film.pixels;
+    });
     pixels
+}
+
+/// Does something without what is transparent.
+pub fn hide_glass(scene: &mut LoadedScene, work: impl FnOnce(&LoadedScene)) {
+    let count = scene.scene().drawables().len() as u32;
+    let glass: Vec<u32> = (0..count).filter(|&d| scene.query().exact.is_transparent(d)).collect();
+    glass.iter().for_each(|&d| scene.filter_mut().set_hidden(d, true));
+    work(scene);
+    glass.iter().for_each(|&d| scene.filter_mut().set_hidden(d, false));
 }
 
 /// Is a neighbour of this pixel of another drawable, or much nearer or farther?

@@ -91,6 +91,26 @@ impl DagRef<'_> {
         self.log2
     }
 
+    /// Height of the root: it covers 4^(height + 1) voxels a side.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Word offset of the root, `None` for an empty grid.
+    pub fn root(&self) -> Option<u32> {
+        self.root
+    }
+
+    /// The words of its nodes, see [`node`]: for those who traverse it elsewhere.
+    pub fn words(&self) -> &[u32] {
+        self.words
+    }
+
+    /// Its leaf bricks.
+    pub fn leaves(&self) -> &[u64] {
+        self.leaves
+    }
+
     /// Voxels a side of the tree: the grid's, or twice as many, of which only the lower half is used.
     pub(crate) fn tree_side(&self) -> i32 {
         4 << (2 * self.height)

@@ -1,0 +1,109 @@
+//! The voxel DAG in the GPU's memory, as `shaders/dag.wgsl` reads it: nodes and leaf masks in one space of addresses.
+
+use bytemuck::{Pod, Zeroable};
+use voxsight_voxel::dag::DagRef;
+use wgpu::BufferUsages;
+use wgpu::util::DeviceExt;
+
+use super::clear::ClearBricks;
+use super::context::{Context, GpuError};
+use super::memory::Slabs;
+
+/// `Dag` of `shaders/dag.wgsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "told where shaders read them")]
+pub struct DagUniform {
+    pub root: u32,
+    pub height: u32,
+    pub side: i32,
+    pub leaves_at: u32,
+    pub clear_slots: u32,
+    pub padding_0: u32,
+    pub padding_1: u32,
+    pub padding_2: u32,
+}
+
+/// A DAG that shaders can read.
+#[derive(Debug)]
+pub struct GpuDag {
+    slabs: Slabs,
+    uniform: DagUniform,
+    uniform_buffer: wgpu::Buffer,
+    clear: wgpu::Buffer,
+}
+
+impl GpuDag {
+    /// Copies a DAG.
+    ///
+    /// # Errors
+    ///
+    /// More than the adapter can hold in all its slabs.
+    pub fn new(context: &Context, dag: &DagRef, clear: &ClearBricks) -> Result<Self, GpuError> {
+        let (words, leaves): (&[u8], &[u8]) =
+            (bytemuck::cast_slice(dag.words()), bytemuck::cast_slice(dag.leaves()));
+        let slabs = Slabs::new(context, "the voxel DAG", (words.len() + leaves.len()) as u64)?;
+        slabs.write(context, 0, words);
+        slabs.write(context, words.len() as u64, leaves);
+        let uniform = DagUniform {
+            root: dag.root().unwrap_or(0),
+            height: dag.height(),
+            side: if dag.root().is_some() { 1 << dag.log2() } else { 0 },
+            // At most 2^32 - 1 words, which building guarantees.
+            leaves_at: dag.words().len() as u32,
+            clear_slots: clear.last_slot(),
+            ..DagUniform::default()
+        };
+        Ok(GpuDag {
+            slabs,
+            uniform,
+            uniform_buffer: buffer(context, "dag", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
+            clear: clear_buffer(context, clear),
+        })
+    }
+
+    /// Other drawables are hidden or shown.
+    pub fn set_clear(&mut self, context: &Context, clear: &ClearBricks) {
+        self.uniform.clear_slots = clear.last_slot();
+        self.uniform_buffer =
+            buffer(context, "dag", bytemuck::bytes_of(&self.uniform), BufferUsages::UNIFORM);
+        self.clear = clear_buffer(context, clear);
+    }
+
+    /// Bytes of nodes and leaf masks.
+    pub fn bytes(&self) -> u64 {
+        self.slabs.bytes()
+    }
+
+    /// log2 of the words of a slab: `DAG_SHIFT`.
+    pub fn shift(&self) -> u32 {
+        self.slabs.shift()
+    }
+
+    /// Bindings of group 1.
+    pub fn bind(&self, context: &Context, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
+        let others = [self.uniform_buffer.as_entire_binding(), self.clear.as_entire_binding()];
+        let resources = self.slabs.bindings().into_iter().chain(others);
+        let entries: Vec<wgpu::BindGroupEntry> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("dag"),
+            layout,
+            entries: &entries,
+        })
+    }
+}
+
+fn clear_buffer(context: &Context, clear: &ClearBricks) -> wgpu::Buffer {
+    buffer(context, "clear bricks", bytemuck::cast_slice(&clear.contents()), BufferUsages::STORAGE)
+}
+
+fn buffer(context: &Context, label: &str, contents: &[u8], usage: BufferUsages) -> wgpu::Buffer {
+    context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents,
+        usage,
+    })
+}

@@ -1,0 +1,191 @@
+//! The CPU twin of `shaders/dag.wgsl`: the same steps with the same names in f32, so that both give the same voxels.
+//!
+//! Nothing where products are added decides anything once a ray is in the grid: compilers for GPUs may fuse multiplication and
+//! addition, which moves a ray's entry from outside by a rounding, and no more.
+
+use glam::{BVec3, IVec3, UVec2, UVec3, Vec3};
+use voxsight_voxel::dag::DagRef;
+
+use super::clear::ClearBricks;
+
+const MAX_STACK: usize = 9;
+const PARALLEL: f32 = (1u128 << 100) as f32;
+const NEGLIGIBLE: f32 = 1.0 / (1u32 << 30) as f32;
+
+/// A ray of grid space: whole voxels and the rest of its origin apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridRay {
+    /// Whole voxels.
+    pub base: IVec3,
+    /// 0 to 1.
+    pub fraction: Vec3,
+    /// Finite; any length but 0.
+    pub direction: Vec3,
+    /// In lengths of the direction; finite.
+    pub t_end: f32,
+}
+
+struct Walk {
+    base: IVec3,
+    fraction: Vec3,
+    direction: Vec3,
+    inverse: Vec3,
+    rises: BVec3,
+    t_end: f32,
+}
+
+impl Walk {
+    fn at_planes(&self, planes: IVec3) -> Vec3 {
+        ((planes - self.base).as_vec3() - self.fraction) * self.inverse
+    }
+
+    fn at_plane(&self, axis: usize, plane: i32) -> f32 {
+        ((plane - self.base[axis]) as f32 - self.fraction[axis]) * self.inverse[axis]
+    }
+
+    fn enter(ray: &GridRay, side: i32) -> Option<Self> {
+        let size = ray.direction.abs();
+        let most = size.max_element();
+        if most.is_nan() || most <= 0.0 {
+            return None;
+        }
+        let parallel = size.cmplt(Vec3::splat(most * NEGLIGIBLE));
+        let inverse = Vec3::select(parallel, Vec3::splat(PARALLEL), 1.0 / ray.direction);
+        let mut walk = Walk {
+            base: ray.base,
+            fraction: ray.fraction,
+            direction: Vec3::select(parallel, Vec3::ZERO, ray.direction),
+            inverse,
+            rises: inverse.cmpgt(Vec3::ZERO),
+            t_end: 0.0,
+        };
+        let low = walk.at_planes(IVec3::ZERO);
+        let high = walk.at_planes(IVec3::splat(side));
+        let within = ray.base.cmpge(IVec3::ZERO) & ray.base.cmplt(IVec3::splat(side));
+        if (parallel & !within).any() {
+            return None;
+        }
+        let nearest = Vec3::select(parallel, Vec3::splat(-PARALLEL), low.min(high));
+        let farthest = Vec3::select(parallel, Vec3::splat(PARALLEL), low.max(high));
+        let t_in = nearest.max_element().max(0.0);
+        let t_out = farthest.min_element().min(ray.t_end);
+        if t_in > t_out {
+            return None;
+        }
+        if t_in > 0.0 {
+            let entry = walk.fraction + t_in * walk.direction;
+            let whole = entry.floor();
+            let base = walk.base + whole.as_ivec3();
+            let outside = base.cmpge(IVec3::splat(side)) | base.cmplt(IVec3::ZERO);
+            walk.fraction = Vec3::select(outside, Vec3::ZERO, entry - whole);
+            walk.base = base.clamp(IVec3::ZERO, IVec3::splat(side));
+        }
+        walk.t_end = t_out - t_in;
+        Some(walk)
+    }
+
+    fn start(&self) -> IVec3 {
+        let is_below = self.fraction.cmpeq(Vec3::ZERO) & !self.rises;
+        self.base - IVec3::select(is_below, IVec3::ONE, IVec3::ZERO)
+    }
+
+    fn coordinate_after(&self, axis: usize, t: f32, before: i32, low: i32, size: i32) -> i32 {
+        let guess = self.base[axis] + (self.fraction[axis] + t * self.direction[axis]).floor() as i32;
+        if self.rises.test(axis) {
+            let mut c = guess.clamp(before, low + size - 1);
+            while c > before && self.at_plane(axis, c) > t {
+                c -= 1;
+            }
+            while c < low + size - 1 && self.at_plane(axis, c + 1) <= t {
+                c += 1;
+            }
+            c
+        } else {
+            let mut c = guess.clamp(low, before);
+            while c < before && self.at_plane(axis, c + 1) > t {
+                c += 1;
+            }
+            while c > low && self.at_plane(axis, c) <= t {
+                c -= 1;
+            }
+            c
+        }
+    }
+}
+
+fn slot_of(voxel: IVec3, shift: u32) -> u32 {
+    let digits = (voxel.as_uvec3() >> shift) & UVec3::splat(3);
+    digits.x | digits.y << 2 | digits.z << 4
+}
+
+/// The first voxel on a ray that casts a shadow.
+pub fn first_hit(dag: &DagRef, clear: &ClearBricks, ray: &GridRay) -> Option<IVec3> {
+    let side = 1i32 << dag.log2();
+    let is_outside = |voxel: IVec3| voxel.cmplt(IVec3::ZERO).any() || voxel.cmpge(IVec3::splat(side)).any();
+    let (root, words, leaves) = (dag.root()?, dag.words(), dag.leaves());
+    let walk = Walk::enter(ray, side)?;
+    let mut voxel = walk.start();
+    if is_outside(voxel) {
+        return None;
+    }
+    let mut nodes = [0; MAX_STACK];
+    let mut height = dag.height();
+    nodes[height as usize] = root;
+    let mut leaf = 0u64;
+    loop {
+        let is_occupied = loop {
+            let bit = slot_of(voxel, 2 * height);
+            if height == 0 {
+                break leaf >> bit & 1 == 1;
+            }
+            let node = nodes[height as usize] as usize;
+            let mask = u64::from(words[node]) | u64::from(words[node + 1]) << 32;
+            if mask >> bit & 1 == 0 {
+                break false;
+            }
+            let child = words[node + 2 + (mask & ((1 << bit) - 1)).count_ones() as usize];
+            height -= 1;
+            if height > 0 {
+                nodes[height as usize] = child;
+            } else {
+                leaf = leaves[child as usize];
+            }
+        };
+        if is_occupied && !clear.is_clear(voxel) {
+            return Some(voxel);
+        }
+        let size = 1i32 << (2 * height);
+        let low = voxel & IVec3::splat(-size);
+        let exits = walk.at_planes(IVec3::select(walk.rises, low + size, low));
+        let t = exits.min_element();
+        if t > walk.t_end {
+            return None;
+        }
+        let before = voxel;
+        for axis in 0..3 {
+            if exits[axis] <= t {
+                voxel[axis] = if walk.rises.test(axis) { low[axis] + size } else { low[axis] - 1 };
+            } else if size > 1 {
+                voxel[axis] = walk.coordinate_after(axis, t, before[axis], low[axis], size);
+            }
+        }
+        if is_outside(voxel) {
+            return None;
+        }
+        let differ = ((before.x ^ voxel.x) | (before.y ^ voxel.y) | (before.z ^ voxel.z)) as u32;
+        height = height.max((31 - differ.leading_zeros()) / 2);
+    }
+}
+
+/// Where a brick's key stands in a table of `slots` slots, a power of two, if it is free; `hash_of` of the shader.
+pub(super) fn hash_of(key: UVec2) -> u32 {
+    let mut h = key.x.wrapping_mul(0x9e37_79b1) ^ key.y.wrapping_mul(0x85eb_ca77);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0xc2b2_ae3d);
+    h ^ (h >> 13)
+}
+
+/// Index of a voxel in its brick; `slot_of` of the shader.
+pub(super) fn bit_of(voxel: IVec3) -> u32 {
+    slot_of(voxel, 0)
+}
