@@ -51,3 +51,5 @@ pub mod sample;
 pub mod scene;
 pub mod streaming;
 pub mod visibility;
+#[cfg(feature = "gpu")]
+pub mod walkthrough;

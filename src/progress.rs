@@ -32,3 +32,14 @@ impl Progress for CancelFlag<'_> {
         self.0.load(Ordering::Relaxed)
     }
 }
+
+/// No output; stops when another does: for work inside a stage of something larger.
+pub struct Quiet<'a>(pub &'a dyn Progress);
+
+impl Progress for Quiet<'_> {
+    fn stage(&self, _name: &str, _total: u64, _unit: &str) {}
+    fn advance(&self, _count: u64) {}
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+}

@@ -8,6 +8,7 @@ use image::RgbImage;
 
 use super::numbers::{parse_rays, parse_size};
 use super::output::print_out;
+use super::path::read_path;
 use super::progress::TerminalProgress;
 use super::{Failure, usage};
 use crate::lab::csv::frames_csv;
@@ -163,9 +164,7 @@ impl Compare {
 
     fn read_path(&self) -> Result<Option<CameraPath>, Failure> {
         let Some(file) = &self.path else { return Ok(None) };
-        let told = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-        let text = std::fs::read_to_string(file).map_err(|error| told(&error))?;
-        Ok(Some(CameraPath::from_json(&text, self.size).map_err(|error| told(&error))?))
+        Ok(Some(read_path(file, self.size)?))
     }
 
     fn draw_views(

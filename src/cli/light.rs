@@ -34,7 +34,7 @@ pub struct LightFlags {
     /// A little light from the eye and the side, so that shapes in the shade keep their form, 0 to 1 [default: 1 with a sun]
     #[arg(long, value_name = "SHARE")]
     fill: Option<f64>,
-    /// How shadows are found [default: hybrid]
+    /// How shadows are found [default: hybrid; walk: none, or voxel under an occluded sky]
     #[arg(long)]
     shadows: Option<ShadowName>,
     /// With --shadows hybrid: by how much of its width a penumbra may be wrong, 0 to 1 [default: 0.03125]
@@ -109,6 +109,23 @@ impl LightFlags {
             return Err(usage("--shadows none leaves nothing that occludes the sky: leave one of them out"));
         }
         Ok(())
+    }
+
+    /// Refuses what the GPU does not do; do voxels cast shadows?
+    pub fn check_for_gpu(&self) -> Result<bool, Failure> {
+        self.check()?;
+        if self.areas.is_some() {
+            return Err(usage("--areas are not drawn on the GPU: use render"));
+        }
+        let is_occluded = self.sky == Some(SkyName::Occluded);
+        match self.shadows {
+            Some(ShadowName::Voxel) => Ok(true),
+            None if is_occluded => Ok(true),
+            Some(ShadowName::None) | None => Ok(false),
+            Some(ShadowName::Hybrid | ShadowName::Exact) => {
+                Err(usage("on the GPU shadows are cast by voxels: --shadows voxel or none"))
+            }
+        }
     }
 
     /// The light; lengths are in model units.

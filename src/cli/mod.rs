@@ -9,11 +9,14 @@ mod info;
 mod light;
 mod numbers;
 mod output;
+mod path;
 mod progress;
 mod render;
 mod shadow_report;
 mod verify;
 mod visible;
+mod walk;
+mod walk_summary;
 
 use std::error::Error;
 
@@ -76,6 +79,8 @@ enum Command {
     Compare(compare::Compare),
     /// Renders a picture
     Render(render::Render),
+    /// Draws a camera path on the GPU, off screen: what every frame took, and how right it is
+    Walk(walk::Walk),
 }
 
 impl Cli {
@@ -103,6 +108,7 @@ impl Cli {
             Command::Visible(command) => command.run(&progress),
             Command::Compare(command) => command.run(&progress),
             Command::Render(command) => command.run(&progress),
+            Command::Walk(command) => command.run(&progress),
         };
         progress.finish();
         result

@@ -50,6 +50,13 @@ impl TerminalProgress {
         }
     }
 
+    /// Something that the user should know, whatever the answer.
+    pub fn remark(&self, text: &str) {
+        if !self.quiet {
+            tell(format_args!("{text}"));
+        }
+    }
+
     fn lock(&self) -> std::sync::MutexGuard<'_, Option<Stage>> {
         self.current.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -11,11 +11,11 @@ use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 use super::light::{KeyName, LightFlags, SkyName};
 use super::numbers::{parse_frames, parse_rays, parse_size};
 use super::output::{check_output, human_bytes, human_count, print_out, read_camera, write_json};
+use super::path::{FRAME, frame_name, read_views};
 use super::progress::TerminalProgress;
 use super::shadow_report::shadow_report;
 use super::{Failure, usage};
 use crate::camera::Camera;
-use crate::lab::keyframes::CameraPath;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::file::{
@@ -24,11 +24,6 @@ use crate::render::file::{
 };
 use crate::render::{LightKind, MAX_SAMPLES, PIXELS_VERSION, RenderSettings, Renderer, ShadowCost};
 use crate::scene::Scene;
-
-/// Where the number of a frame stands in a name.
-const FRAME: &str = "{frame}";
-/// Digits of it, at least.
-const FRAME_DIGITS: usize = 4;
 
 /// Flags of `render`.
 #[derive(Args)]
@@ -195,11 +190,7 @@ impl Render {
     /// The cameras of all frames.
     fn read_path(&self) -> Result<Option<Vec<Camera>>, Failure> {
         let Some(file) = &self.path else { return Ok(None) };
-        let told = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-        let text = std::fs::read_to_string(file).map_err(|error| told(&error))?;
-        let path = CameraPath::from_json(&text, self.size).map_err(|error| told(&error))?;
-        let views = path.views().map_err(|error| told(&error))?;
-        Ok(Some(views.into_iter().map(|view| view.camera).collect()))
+        Ok(Some(read_views(file, self.size)?.into_iter().map(|view| view.camera).collect()))
     }
 
     /// Renders frames of a path, one file each.
@@ -215,17 +206,16 @@ impl Render {
         if frames.end > cameras.len() {
             return Err(format!("--frames: the path has frames 0 to {}", cameras.len() - 1).into());
         }
-        let digits = cameras.len().saturating_sub(1).to_string().len().max(FRAME_DIGITS);
         let (mut new, mut before) = (0, 0);
         for frame in frames.clone() {
             let camera = &cameras[frame];
-            let name = output.to_string_lossy().replace(FRAME, &format!("{frame:0digits$}"));
+            let name = frame_name(output, frame, cameras.len());
             let pixels = u64::from(camera.width) * u64::from(camera.height);
             progress.stage(&format!("frame {frame} of {}", cameras.len()), pixels, "pixels");
             // Other samples in each frame, noise that stands still would look like dirt on the glass; and none of another seed's.
             let seed = xxh3_64(format!("{} {frame}", settings.seed).as_bytes()) as u32;
             let settings = RenderSettings { seed, ..settings.clone() };
-            match self.picture(loaded, camera, &settings, (Path::new(&name), format), progress)? {
+            match self.picture(loaded, camera, &settings, (&name, format), progress)? {
                 Written::New { .. } => new += 1,
                 Written::Before => before += 1,
             }

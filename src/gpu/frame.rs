@@ -126,12 +126,25 @@ impl FrameRenderer {
         self.voxels.as_ref().map_or(0, |voxels| voxels.dag.bytes())
     }
 
-    /// Draws a frame: what was written into the memory goes first. Does not wait.
+    /// Copies what was written into the memory. Does not wait.
+    ///
+    /// # Errors
+    ///
+    /// The driver has reported one, here or before.
+    pub fn upload(&mut self) -> Result<Copies, GpuError> {
+        let mut encoder = self.context.device.create_command_encoder(&Default::default());
+        let copies = self.memory.flush(&self.context, &mut encoder);
+        self.context.queue.submit([encoder.finish()]);
+        self.context.check()?;
+        Ok(copies)
+    }
+
+    /// Draws a frame: what was written into the memory and not yet copied goes first. Does not wait.
     ///
     /// # Errors
     ///
     /// The driver has reported one, here or before; larger than the adapter's textures.
-    pub fn draw(&mut self, input: &FrameInput) -> Result<Copies, GpuError> {
+    pub fn draw(&mut self, input: &FrameInput) -> Result<(), GpuError> {
         let FrameRenderer { context, memory, geometry, shade, timer, .. } = self;
         if self.targets.size != input.camera.size() {
             self.targets = Targets::new(context, input.camera.size())?;
@@ -141,7 +154,7 @@ impl FrameRenderer {
         let marks = input.marks.buffer(context);
         timer.begin();
         let mut encoder = context.device.create_command_encoder(&Default::default());
-        let copies = memory.flush(context, &mut encoder);
+        memory.flush(context, &mut encoder);
         let mut recording = Recording { context, encoder: &mut encoder, timer };
         geometry.record(&mut recording, memory.slabs(), input.list, &view, &self.targets);
         let reached = match (&mut self.voxels, input.shadows) {
@@ -167,8 +180,12 @@ impl FrameRenderer {
         shade.record(&mut recording, &inputs, &self.targets);
         timer.end(&mut encoder);
         context.queue.submit([encoder.finish()]);
-        context.check()?;
-        Ok(copies)
+        context.check()
+    }
+
+    /// What it draws with.
+    pub fn context(&self) -> &Context {
+        &self.context
     }
 
     /// What the last frame drew into.

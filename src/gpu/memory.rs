@@ -143,6 +143,12 @@ impl PagedMemory {
         &self.slabs
     }
 
+    /// Writes a page by itself, at once: how it is done without gathering what changes.
+    pub fn write_alone(&self, context: &Context, offset: u64, bytes: &[u8]) {
+        self.slabs.write(context, offset, bytes);
+        context.queue.submit([]);
+    }
+
     /// Records the copies that a frame asked for, in their order.
     pub fn flush(&mut self, context: &Context, encoder: &mut CommandEncoder) -> Copies {
         let mut copies = Copies { count: 0, bytes: self.staged.len() as u64 };

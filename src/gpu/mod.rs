@@ -10,6 +10,7 @@
 //! Shader texts are in `shaders/`, put together by [`shader`]. Structures that both sides read have the same names and fields; a
 //! test compares their layouts.
 
+pub mod check;
 pub mod clear;
 pub mod context;
 pub mod dag;

@@ -8,9 +8,18 @@ use crate::scene::Scene;
 
 /// Discrete levels of chunks; their pages are the container's levels.
 #[derive(Debug)]
-pub struct ChunkLevels<'a> {
-    records: &'a [LevelRecord],
+pub struct ChunkLevels {
+    pages: Vec<Page>,
     drawables: Vec<Placed>,
+}
+
+/// What selection asks about a page.
+#[derive(Clone, Copy, Debug)]
+struct Page {
+    triangles: u32,
+    vertices: u32,
+    /// Part units.
+    error: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -21,9 +30,9 @@ struct Placed {
     scale: f32,
 }
 
-impl<'a> ChunkLevels<'a> {
+impl ChunkLevels {
     /// Of an opened scene.
-    pub fn new(scene: &'a Scene) -> Self {
+    pub fn new(scene: &Scene) -> Self {
         let scales: Vec<f64> = (0..scene.objects().len() as u32)
             .map(|object| largest_stretch(scene.world_from_part(object).matrix3))
             .collect();
@@ -36,17 +45,25 @@ impl<'a> ChunkLevels<'a> {
                 scale: (scales[drawable.object as usize] as f32).next_up(),
             }
         };
-        ChunkLevels { records: scene.levels(), drawables: scene.drawables().iter().map(placed).collect() }
+        let page = |record: &LevelRecord| Page {
+            triangles: record.triangle_count,
+            vertices: record.vertex_count,
+            error: record.error,
+        };
+        ChunkLevels {
+            pages: scene.levels().iter().map(page).collect(),
+            drawables: scene.drawables().iter().map(placed).collect(),
+        }
     }
 }
 
-impl System for ChunkLevels<'_> {
+impl System for ChunkLevels {
     fn drawable_count(&self) -> u32 {
         self.drawables.len() as u32
     }
 
     fn page_count(&self) -> u32 {
-        self.records.len() as u32
+        self.pages.len() as u32
     }
 
     fn level_count(&self, drawable: u32) -> u32 {
@@ -57,13 +74,8 @@ impl System for ChunkLevels<'_> {
         let Placed { first_level, level_count, scale } = self.drawables[drawable as usize];
         debug_assert!(level < level_count, "drawable {drawable} has {level_count} levels, not {level}");
         let page = first_level + level;
-        let record = &self.records[page as usize];
-        Level {
-            triangles: record.triangle_count,
-            vertices: record.vertex_count,
-            error: f64::from(record.error) * f64::from(scale),
-            page,
-        }
+        let Page { triangles, vertices, error } = self.pages[page as usize];
+        Level { triangles, vertices, error: f64::from(error) * f64::from(scale), page }
     }
 }
 

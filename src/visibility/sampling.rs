@@ -80,6 +80,9 @@ pub struct RaysPerPixel {
 impl RaysPerPixel {
     /// One.
     pub const ONE: Self = RaysPerPixel { rays: 1, pixels: 1 };
+
+    /// One for sixteen pixels: what a frame of a walk needs.
+    pub const SIXTEENTH: Self = RaysPerPixel { rays: 1, pixels: 16 };
     /// As many as any command takes, and as few: 1/65536.
     const MOST: u32 = 65_536;
 

@@ -1,0 +1,428 @@
+//! A walk through a scene, frame after frame: what viewer and `voxsight walk` share.
+//!
+//! ```text
+//! query (its own thread) -> levels of detail -> what changes -> copies -> pictures
+//! ```
+//!
+//! The query of a frame is answered while an earlier answer is drawn: a frame never waits for it, unless it is asked to
+//! ([`Latency::None`]). Pages are read and decoded by threads of their own. What the answer wants and is not yet there is drawn at the
+//! nearest level that is ([`crate::streaming`]).
+
+mod record;
+mod worker;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::camera::{Camera, CameraError};
+use crate::filter::Filter;
+use crate::gpu::clear::ClearBricks;
+use crate::gpu::frame::{FrameInput, FrameRenderer};
+use crate::gpu::instance::DrawList;
+use crate::gpu::marks::Marks;
+use crate::gpu::memory::Copies;
+use crate::gpu::shadow::ShadowSettings;
+use crate::gpu::{Context, GpuError};
+use crate::loaded::LoadedScene;
+use crate::lod::density::{self, DensitySettings};
+use crate::lod::{Choice, ChunkLevels, Selection};
+use crate::render::Lighting;
+use crate::streaming::{
+    Frame, LoadError, Loader, PageLayout, PageSource, Priority, StreamSettings, Streamer, page, predicted,
+};
+use crate::visibility::coherent::CoherentSettings;
+use crate::visibility::{RayMethod, RaysPerPixel};
+
+pub use record::{FrameRecord, csv_header, csv_line};
+pub use worker::{Answer, QueryWorker, Question, WorkerError};
+
+/// Which answer a frame draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Latency {
+    /// Its own: it waits for it.
+    None,
+    /// The newest there is.
+    #[default]
+    Newest,
+}
+
+/// How pages reach the GPU (Peng and Cao 2012).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Upload {
+    /// What changes, gathered into one buffer: with coherence.
+    #[default]
+    Delta,
+    /// All that is drawn, every frame, gathered: without coherence.
+    Full,
+    /// All that is drawn, every frame, one by one.
+    Each,
+}
+
+/// How a walk goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WalkSettings {
+    /// What is visible.
+    pub query: CoherentSettings,
+    /// How fine it is drawn.
+    pub lod: DensitySettings,
+    /// What is resident.
+    pub stream: StreamSettings,
+    /// Which answer is drawn.
+    pub latency: Latency,
+    /// How pages reach the GPU.
+    pub upload: Upload,
+    /// Frames ahead for which pages are loaded; 0 for none.
+    pub ahead: f64,
+    /// Wait for the GPU after copies and after drawing, and read its clock: for measuring.
+    pub wait: bool,
+}
+
+impl Default for WalkSettings {
+    fn default() -> Self {
+        WalkSettings {
+            query: CoherentSettings::new(RayMethod::Hybrid, RaysPerPixel::SIXTEENTH),
+            lod: DensitySettings::default(),
+            stream: StreamSettings::default(),
+            latency: Latency::Newest,
+            upload: Upload::Delta,
+            ahead: 10.0,
+            wait: false,
+        }
+    }
+}
+
+/// How a frame looks.
+#[derive(Clone, Copy, Debug)]
+pub struct Look<'a> {
+    /// Light.
+    pub lighting: &'a Lighting,
+    /// The world's up direction.
+    pub up: DVec3,
+    /// What is selected.
+    pub marks: &'a Marks,
+    /// Cast by voxels, if at all.
+    pub shadows: Option<ShadowSettings>,
+}
+
+/// Why a walk cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum WalkError {
+    /// The GPU.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The thread that asks what is visible.
+    #[error(transparent)]
+    Worker(#[from] WorkerError),
+    /// It has died.
+    #[error("the thread that asks what is visible has stopped")]
+    WorkerDied,
+    /// The threads that load pages.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// The pages of a scene that is loaded.
+struct LoadedPages(Arc<LoadedScene>);
+
+impl PageSource for LoadedPages {
+    fn load(&self, page: u32) -> Result<Vec<u8>, LoadError> {
+        let mesh = self.0.scene().level_mesh(page).map_err(|error| LoadError::Source(error.into()))?;
+        Ok(page::encode(&mesh))
+    }
+}
+
+/// Frames of a scene.
+pub struct Walkthrough {
+    scene: Arc<LoadedScene>,
+    settings: WalkSettings,
+    filter: Arc<Filter>,
+    levels: ChunkLevels,
+    worker: QueryWorker,
+    loader: Loader,
+    streamer: Streamer,
+    renderer: FrameRenderer,
+    /// Host copies of pages, where each frame sends all.
+    host: Vec<u8>,
+    frame: u64,
+    before: Option<Camera>,
+    /// The newest answer, and what was chosen by it.
+    answer: Option<Answer>,
+    selection: Selection,
+    wanted: Vec<Priority>,
+    expected: Vec<Priority>,
+    /// Drawn in the frame before; another number whenever it changes.
+    drawn: Vec<Choice>,
+    scene_number: u64,
+    failed: Vec<(u32, LoadError)>,
+}
+
+impl Walkthrough {
+    /// Begins with nothing resident; pictures are as large as the cameras say.
+    ///
+    /// # Errors
+    ///
+    /// The GPU cannot hold the budget; no threads.
+    pub fn new(
+        scene: Arc<LoadedScene>,
+        context: &Context,
+        settings: WalkSettings,
+    ) -> Result<Self, WalkError> {
+        let bounds = scene.scene().meta().bounds;
+        let bounds = (DVec3::from(bounds.min), DVec3::from(bounds.max));
+        let renderer = FrameRenderer::new(context, settings.stream.budget, bounds, (1, 1))?;
+        let host = match settings.upload {
+            Upload::Delta => Vec::new(),
+            Upload::Full | Upload::Each => vec![0; settings.stream.budget as usize],
+        };
+        Ok(Walkthrough {
+            levels: ChunkLevels::new(scene.scene()),
+            worker: QueryWorker::new(Arc::clone(&scene), settings.query)?,
+            loader: Loader::new(Arc::new(LoadedPages(Arc::clone(&scene))), 1)?,
+            streamer: Streamer::new(settings.stream),
+            filter: Arc::new(Filter::default()),
+            renderer,
+            host,
+            scene,
+            settings,
+            frame: 0,
+            before: None,
+            answer: None,
+            selection: Selection::default(),
+            wanted: Vec::new(),
+            expected: Vec::new(),
+            drawn: Vec::new(),
+            scene_number: 0,
+            failed: Vec::new(),
+        })
+    }
+
+    /// Makes voxels cast shadows, in frames that ask for it.
+    ///
+    /// # Errors
+    ///
+    /// The GPU cannot hold them.
+    pub fn load_voxels(&mut self) -> Result<(), WalkError> {
+        let query = self.scene.query();
+        let clear = self.clear_bricks();
+        Ok(self.renderer.set_voxels(&query.dag, &query.grid, &clear)?)
+    }
+
+    /// Leaves out what a filter hides, from the next answer on.
+    pub fn set_filter(&mut self, filter: Filter) {
+        self.filter = Arc::new(filter);
+        let clear = self.clear_bricks();
+        self.renderer.set_clear(&clear);
+        self.scene_number += 1;
+    }
+
+    fn clear_bricks(&self) -> ClearBricks {
+        let query = self.scene.query();
+        let casts = |drawable| !query.exact.is_transparent(drawable) && !self.filter.is_hidden(drawable);
+        if (0..query.exact.drawable_count()).all(casts) {
+            return ClearBricks::default();
+        }
+        ClearBricks::new(&query.dag, &query.owners, casts)
+    }
+
+    /// What draws: pictures to read back, times.
+    pub fn renderer(&self) -> &FrameRenderer {
+        &self.renderer
+    }
+
+    /// What was drawn last, rising by drawable.
+    pub fn drawn(&self) -> &[Choice] {
+        &self.drawn
+    }
+
+    /// Pages that could not be loaded, and why.
+    pub fn failed(&self) -> &[(u32, LoadError)] {
+        &self.failed
+    }
+
+    /// Draws a frame. `later` is where the camera will be [`WalkSettings::ahead`] frames later, where that is known; else it is
+    /// predicted.
+    ///
+    /// # Errors
+    ///
+    /// See [`WalkError`].
+    pub fn frame(
+        &mut self,
+        camera: &Camera,
+        is_cut: bool,
+        later: Option<Camera>,
+        look: &Look,
+    ) -> Result<FrameRecord, WalkError> {
+        let started = Instant::now();
+        let rays = camera.rays()?;
+        let mut record = FrameRecord { frame: self.frame, is_cut, ..FrameRecord::default() };
+        self.ask(camera, is_cut, later)?;
+        if self.take_answers()? {
+            let started = Instant::now();
+            self.select();
+            record.select_ms = milliseconds(started);
+        }
+        if let Some(answer) = &self.answer {
+            record.age = self.frame - answer.frame;
+            record.visible = answer.visible.len() as u32;
+            record.query_ms = answer.milliseconds;
+        }
+        self.stream(&mut record);
+        self.upload(&mut record)?;
+
+        let draw = Instant::now();
+        let list =
+            DrawList::new(self.scene.scene(), rays.eye(), &self.drawn, |page| self.streamer.offset_of(page));
+        record.triangles = list.triangles;
+        self.renderer.draw(&FrameInput {
+            list: &list,
+            camera: &rays,
+            lighting: look.lighting,
+            up: look.up,
+            marks: look.marks,
+            shadows: look.shadows,
+            scene: self.scene_number,
+        })?;
+        if self.settings.wait {
+            self.renderer.context().wait()?;
+        }
+        record.draw_ms = milliseconds(draw);
+        record.frame_ms = milliseconds(started);
+        if self.settings.wait {
+            record.passes = self.renderer.times()?;
+        }
+        self.frame += 1;
+        self.before = Some(*camera);
+        Ok(record)
+    }
+
+    /// Asks what the frame sees.
+    fn ask(&mut self, camera: &Camera, is_cut: bool, later: Option<Camera>) -> Result<(), WalkError> {
+        let ahead = self.settings.ahead;
+        let predict = || self.before.filter(|_| !is_cut).and_then(|before| predicted(&before, camera, ahead));
+        let later = if ahead > 0.0 { later.or_else(predict) } else { None };
+        let filter = Arc::clone(&self.filter);
+        self.worker.ask(Question { frame: self.frame, camera: *camera, is_cut, later, filter })?;
+        Ok(())
+    }
+
+    /// Takes the newest answer. Is there one about a frame?
+    fn take_answers(&mut self) -> Result<bool, WalkError> {
+        let mut is_new = false;
+        let answers: Vec<Answer> = self.worker.answers().collect();
+        answers.into_iter().for_each(|answer| is_new |= self.take(answer));
+        let is_own = |answer: &Option<Answer>, frame| answer.as_ref().is_some_and(|a| a.frame == frame);
+        // The first frame has nothing else to draw either.
+        while self.answer.is_none()
+            || (self.settings.latency == Latency::None && !is_own(&self.answer, self.frame))
+        {
+            let answer = self.worker.wait().ok_or(WalkError::WorkerDied)?;
+            is_new |= self.take(answer);
+        }
+        Ok(is_new)
+    }
+
+    fn take(&mut self, answer: Answer) -> bool {
+        if answer.is_later {
+            let selection = density::select(&self.levels, &answer.visible, &self.settings.lod, None);
+            self.expected = priorities(&selection, &answer);
+            return false;
+        }
+        self.answer = Some(answer);
+        true
+    }
+
+    /// Chooses levels for the newest answer.
+    fn select(&mut self) {
+        let Some(answer) = &self.answer else { return };
+        self.selection =
+            density::select(&self.levels, &answer.visible, &self.settings.lod, Some(&self.selection));
+        self.wanted = priorities(&self.selection, answer);
+    }
+
+    /// Decides what to load and draw.
+    fn stream(&mut self, record: &mut FrameRecord) {
+        let started = Instant::now();
+        let Walkthrough { scene, settings, levels, loader, streamer, renderer, host, answer, .. } = self;
+        let in_frustum = answer.as_ref().map_or(&[][..], |answer| &answer.in_frustum);
+        let frame = Frame { wanted: &self.wanted, in_frustum, expected: &self.expected };
+        let records = scene.scene().levels();
+        let bytes_of = |page: u32| u64::from(PageLayout::of(&records[page as usize]).bytes);
+        let memory: &mut dyn crate::streaming::Memory = match settings.upload {
+            Upload::Delta => &mut renderer.memory,
+            Upload::Full | Upload::Each => host,
+        };
+        let (report, requests) = streamer.frame(levels, &frame, &bytes_of, loader.fetch(), memory);
+        loader.request(&requests);
+        record.drawn = report.drawn.len() as u32;
+        record.substituted = report.substituted;
+        record.missing = report.missing;
+        record.delta = [report.added, report.removed, report.changed];
+        record.written = report.written;
+        record.evicted = report.evicted;
+        record.moved = report.moved;
+        record.resident = report.resident;
+        if self.drawn != report.drawn {
+            self.drawn = report.drawn;
+            self.scene_number += 1;
+        }
+        self.failed.extend(report.failed);
+        record.failed = self.failed.len() as u32;
+        record.stream_ms = milliseconds(started);
+    }
+
+    /// Copies pages to the GPU.
+    fn upload(&mut self, record: &mut FrameRecord) -> Result<(), WalkError> {
+        let started = Instant::now();
+        let mut copies = Copies::default();
+        if self.settings.upload != Upload::Delta {
+            let scene = self.scene.scene();
+            let page_of = |choice: &Choice| {
+                let chunk = scene.drawables()[choice.drawable as usize].chunk;
+                scene.chunks()[chunk as usize].first_level + choice.level
+            };
+            let mut pages: Vec<u32> = self.drawn.iter().map(page_of).collect();
+            pages.sort_unstable();
+            pages.dedup();
+            for page in pages {
+                let Some(offset) = self.streamer.offset_of(page) else { continue };
+                let bytes = PageLayout::of(&scene.levels()[page as usize]).bytes;
+                let bytes = &self.host[offset as usize..][..bytes as usize];
+                if self.settings.upload == Upload::Full {
+                    crate::streaming::Memory::write(&mut self.renderer.memory, offset, bytes);
+                } else {
+                    self.renderer.memory.write_alone(self.renderer.context(), offset, bytes);
+                    copies.count += 1;
+                    copies.bytes += bytes.len() as u64;
+                }
+            }
+        }
+        let gathered = self.renderer.upload()?;
+        record.copies = copies.count + gathered.count;
+        if self.settings.upload != Upload::Delta {
+            record.written = copies.bytes + gathered.bytes;
+        }
+        if self.settings.wait {
+            self.renderer.context().wait()?;
+        }
+        record.upload_ms = milliseconds(started);
+        Ok(())
+    }
+}
+
+/// What a selection wants, with the samples of its answer.
+fn priorities(selection: &Selection, answer: &Answer) -> Vec<Priority> {
+    let samples = |choice: &Choice| {
+        let at = answer.visible.binary_search_by_key(&choice.drawable, |candidate| candidate.drawable);
+        at.map_or(0, |at| answer.samples[at])
+    };
+    selection.choices.iter().map(|choice| Priority { choice: *choice, samples: samples(choice) }).collect()
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}

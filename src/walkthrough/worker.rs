@@ -1,0 +1,205 @@
+//! The thread that asks what is visible, so that frames need not wait for it.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use crate::camera::{Camera, CameraError};
+use crate::filter::Filter;
+use crate::loaded::LoadedScene;
+use crate::lod::{Candidate, candidates};
+use crate::progress::Silent;
+use crate::visibility::coherent::{CoherentError, CoherentQuery, CoherentSettings};
+use crate::visibility::culling::Culling;
+use crate::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, query};
+
+/// What is asked about a frame.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// Of which frame.
+    pub frame: u64,
+    /// Seen from here.
+    pub camera: Camera,
+    /// It has jumped: what was found before is forgotten.
+    pub is_cut: bool,
+    /// A camera of later, known or predicted: what it will see can be loaded before.
+    pub later: Option<Camera>,
+    /// What is left out.
+    pub filter: Arc<Filter>,
+}
+
+/// What a camera sees.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// The question's frame.
+    pub frame: u64,
+    /// It is about the camera of later, not about the frame's own.
+    pub is_later: bool,
+    /// Visible drawables, rising.
+    pub visible: Vec<Candidate>,
+    /// Samples of each of them.
+    pub samples: Vec<u32>,
+    /// Drawables in the frustum, rising; none for a camera of later.
+    pub in_frustum: Vec<u32>,
+    /// How long it took, milliseconds.
+    pub milliseconds: f64,
+}
+
+/// What the threads share.
+#[derive(Default)]
+struct Desk {
+    /// Only the newest question is of interest.
+    question: Option<Question>,
+    is_closed: bool,
+}
+
+/// Answers questions in the order they come, but only the newest of those that wait.
+pub struct QueryWorker {
+    desk: Arc<(Mutex<Desk>, Condvar)>,
+    answers: Receiver<Answer>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl QueryWorker {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    ///
+    /// Settings that make no query; the system has no more threads.
+    pub fn new(scene: Arc<LoadedScene>, settings: CoherentSettings) -> Result<Self, WorkerError> {
+        let query = CoherentQuery::new(settings)?;
+        let desk = Arc::new((Mutex::new(Desk::default()), Condvar::new()));
+        let (tell, answers) = channel();
+        let shared = Arc::clone(&desk);
+        let thread = std::thread::Builder::new()
+            .name("visibility".into())
+            .spawn(move || work(&scene, query, settings.rays_per_pixel, &shared, &tell))?;
+        Ok(QueryWorker { desk, answers, thread: Some(thread) })
+    }
+
+    /// Asks; a question that nobody has begun to answer is dropped for it.
+    ///
+    /// # Errors
+    ///
+    /// A camera that is none.
+    pub fn ask(&self, question: Question) -> Result<(), CameraError> {
+        question.camera.rays()?;
+        let (desk, bell) = &*self.desk;
+        lock(desk).question = Some(question);
+        bell.notify_one();
+        Ok(())
+    }
+
+    /// What was answered since it was last asked, oldest first. Does not wait.
+    pub fn answers(&self) -> impl Iterator<Item = Answer> + '_ {
+        self.answers.try_iter()
+    }
+
+    /// Waits for the next answer; `None` when the thread has died.
+    pub fn wait(&self) -> Option<Answer> {
+        self.answers.recv().ok()
+    }
+}
+
+impl Drop for QueryWorker {
+    fn drop(&mut self) {
+        let (desk, bell) = &*self.desk;
+        lock(desk).is_closed = true;
+        bell.notify_one();
+        if let Some(thread) = self.thread.take() {
+            // It has panicked, which it has told already.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Why there is no thread.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// Settings that make no query.
+    #[error(transparent)]
+    Settings(#[from] CoherentError),
+    /// The system has no more threads.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+fn lock(desk: &Mutex<Desk>) -> MutexGuard<'_, Desk> {
+    desk.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The thread: answers until it is closed, or nobody listens.
+fn work(
+    scene: &LoadedScene,
+    mut visible: CoherentQuery,
+    rays_per_pixel: RaysPerPixel,
+    shared: &(Mutex<Desk>, Condvar),
+    tell: &Sender<Answer>,
+) {
+    let (desk, bell) = shared;
+    loop {
+        let waiting = bell.wait_while(lock(desk), |desk| desk.question.is_none() && !desk.is_closed);
+        let mut waiting = waiting.unwrap_or_else(PoisonError::into_inner);
+        let (Some(question), false) = (waiting.question.take(), waiting.is_closed) else { return };
+        drop(waiting);
+        let told = answer(scene, &mut visible, &question).is_none_or(|answer| tell.send(answer).is_ok());
+        if !told {
+            return;
+        }
+        // What comes later can wait, if something more urgent does not.
+        let is_idle = lock(desk).question.is_none();
+        let later = question.later.filter(|_| is_idle);
+        if let Some(camera) = later
+            && let Some(answer) = answer_later(scene, &camera, &question, rays_per_pixel)
+            && tell.send(answer).is_err()
+        {
+            return;
+        }
+    }
+}
+
+fn answer(scene: &LoadedScene, visible: &mut CoherentQuery, question: &Question) -> Option<Answer> {
+    let started = Instant::now();
+    // Checked when it was asked.
+    let camera = question.camera.rays().ok()?;
+    let scene = QueryScene { filter: &question.filter, ..scene.query() };
+    if question.is_cut {
+        visible.reset();
+    }
+    let seen = visible.frame(&scene, &camera, &Silent)?.found;
+    let in_view = query(&scene, &camera, Method::Frustum, &QuerySettings::default());
+    let visible = candidates(scene.exact, &camera, &seen);
+    Some(Answer {
+        frame: question.frame,
+        is_later: false,
+        samples: visible.iter().map(|one| seen.samples[one.drawable as usize]).collect(),
+        visible,
+        in_frustum: (0..).zip(&in_view.visible).filter(|(_, visible)| **visible).map(|(d, _)| d).collect(),
+        milliseconds: started.elapsed().as_secs_f64() * 1e3,
+    })
+}
+
+/// What a camera of later sees, by voxels alone and few rays: it decides only what is loaded.
+fn answer_later(
+    scene: &LoadedScene,
+    camera: &Camera,
+    question: &Question,
+    rays_per_pixel: RaysPerPixel,
+) -> Option<Answer> {
+    let started = Instant::now();
+    // A predicted camera may be none: then nothing is expected.
+    let camera = camera.rays().ok()?;
+    let scene = QueryScene { filter: &question.filter, ..scene.query() };
+    let few = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
+    let seen = query(&scene, &camera, Method::Voxel, &few);
+    let visible = candidates(scene.exact, &camera, &seen);
+    Some(Answer {
+        frame: question.frame,
+        is_later: true,
+        samples: visible.iter().map(|one| seen.samples[one.drawable as usize]).collect(),
+        visible,
+        in_frustum: Vec::new(),
+        milliseconds: started.elapsed().as_secs_f64() * 1e3,
+    })
+}
