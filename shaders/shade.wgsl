@@ -1,30 +1,16 @@
 // The shading pass: light on what the geometry pass saw, as `render::shade` puts it on the CPU; marks around what is selected.
 
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<uniform> light: Light;
-@group(0) @binding(2) var drawables: texture_2d<u32>;
-@group(0) @binding(3) var normals: texture_2d<u32>;
-@group(0) @binding(4) var colours: texture_2d<f32>;
+@group(0) @binding(1) var drawables: texture_2d<u32>;
+@group(0) @binding(2) var normals: texture_2d<u32>;
+@group(0) @binding(3) var colours: texture_2d<f32>;
 // Share of the sun, share of the sky that reach a pixel; row by row; one element where nothing casts shadows.
-@group(0) @binding(5) var<storage, read> reached: array<vec2f>;
+@group(0) @binding(4) var<storage, read> reached: array<vec2f>;
 // Marks of drawables, four bits each, eight in a word.
-@group(0) @binding(6) var<storage, read> marks: array<u32>;
-
-// `gpu::light::LightUniform`.
-struct Light {
-    up: vec3f,
-    // 0 headlight, 1 sun, 2 none.
-    key: u32,
-    sun: vec3f,
-    fill: f32,
-    across: vec3f,
-    // 0 none, 1 plain, 2 occluded.
-    sky: u32,
-    // What a white surface that faces it reflects of the sun.
-    sun_reflected: vec3f,
-    // There is a share for each pixel.
-    has_shadows: u32,
-}
+@group(0) @binding(5) var<storage, read> marks: array<u32>;
+// Sum of what transparent surfaces shine with, weighted, and of their weights; share of what lies behind them that comes through.
+@group(0) @binding(6) var glass_sum: texture_2d<f32>;
+@group(0) @binding(7) var glass_through: texture_2d<f32>;
 
 const NOBODY: u32 = 0xffffffffu;
 const SELECTED: u32 = 1u;
@@ -32,42 +18,15 @@ const HIGHLIGHTED: u32 = 2u;
 const OUTLINE: vec3f = vec3f(1.0, 0.45, 0.0);
 const HIGHLIGHT: vec3f = vec3f(0.15, 0.55, 1.0);
 
-fn linear_from_srgb(c: vec3f) -> vec3f {
-    return select(pow((c + 0.055) / 1.055, vec3f(2.4)), c / 12.92, c <= vec3f(0.04045));
-}
-
 fn srgb_from_linear(linear: vec3f) -> vec3f {
     let c = clamp(linear, vec3f(0.0), vec3f(1.0));
     return select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, c * 12.92, c <= vec3f(0.0031308));
-}
-
-// What a surface reflects of a plain sky.
-fn sky_reflected(normal: vec3f) -> vec3f {
-    let above = 0.5 + 0.5 * dot(normal, light.up);
-    return vec3f(0.30, 0.31, 0.34) * (0.35 + 0.65 * above);
 }
 
 // The sky itself.
 fn sky_radiance(direction: vec3f) -> vec3f {
     let height = max(dot(normalize(direction), light.up), 0.0);
     return mix(vec3f(0.86, 0.89, 0.93), vec3f(0.42, 0.58, 0.80), sqrt(height));
-}
-
-// Light that a white surface reflects.
-fn reflected(normal: vec3f, to_eye: vec3f, shares: vec2f) -> vec3f {
-    if light.key == 0u {
-        return vec3f(0.12 + 0.88 * max(dot(normal, to_eye), 0.0));
-    }
-    let eye = 0.14 * max(-dot(normal, view.forward), 0.0);
-    let side = 0.10 * abs(dot(normal, light.across));
-    var sum = vec3f(light.fill * (eye + side));
-    if light.key == 1u {
-        sum += light.sun_reflected * (max(dot(normal, light.sun), 0.0) * shares.x);
-    }
-    if light.sky != 0u {
-        sum += sky_reflected(normal) * shares.y;
-    }
-    return sum;
 }
 
 fn mark_of(drawable: u32) -> u32 {
@@ -118,10 +77,15 @@ fn fragment_main(@builtin(position) position: vec4f) -> @location(0) vec4f {
         if light.has_shadows != 0u {
             shares = reached[u32(pixel.y) * view.width + u32(pixel.x)];
         }
-        colour = albedo * reflected(normal, normalize(-direction), shares);
+        colour = albedo * reflected(normal, normalize(-direction), view.forward, shares);
         if (mark_of(drawable) & HIGHLIGHTED) != 0u {
             colour = mix(colour, HIGHLIGHT, 0.45);
         }
+    }
+    if light.has_glass != 0u {
+        let sum = textureLoad(glass_sum, pixel, 0);
+        let through = textureLoad(glass_through, pixel, 0).x;
+        colour = mix(sum.xyz / max(sum.w, 1e-5), colour, through);
     }
     if is_outline(pixel) {
         colour = OUTLINE;

@@ -10,7 +10,8 @@ use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
 use super::dag::GpuDag;
 use super::geometry::GeometryPass;
-use super::instance::DrawList;
+use super::glass::{GlassInputs, GlassPass};
+use super::instance::{DrawList, Instance};
 use super::light::LightUniform;
 use super::marks::Marks;
 use super::memory::{Copies, PagedMemory};
@@ -57,6 +58,7 @@ pub struct FrameRenderer {
     pub memory: PagedMemory,
     targets: Targets,
     geometry: GeometryPass,
+    glass: GlassPass,
     voxels: Option<Voxels>,
     shade: ShadePass,
     timer: Timer,
@@ -81,11 +83,12 @@ impl FrameRenderer {
         let memory = PagedMemory::new(context, budget)?;
         Ok(FrameRenderer {
             geometry: GeometryPass::new(context, memory.slabs()),
+            glass: GlassPass::new(context, memory.slabs()),
             voxels: None,
             shade: ShadePass::new(context),
             targets: Targets::new(context, size)?,
             timer: Timer::new(context),
-            nothing: uniform(context, "nothing", &[0u32; 2], BufferUsages::STORAGE),
+            nothing: buffer_of(context, "nothing", &[0u32; 2], BufferUsages::STORAGE),
             context: context.clone(),
             memory,
             bounds,
@@ -145,18 +148,22 @@ impl FrameRenderer {
     ///
     /// The driver has reported one, here or before; larger than the adapter's textures.
     pub fn draw(&mut self, input: &FrameInput) -> Result<(), GpuError> {
-        let FrameRenderer { context, memory, geometry, shade, timer, .. } = self;
+        let FrameRenderer { context, memory, geometry, glass, shade, timer, .. } = self;
         if self.targets.size != input.camera.size() {
             self.targets = Targets::new(context, input.camera.size())?;
         }
         let camera = ViewUniform::new(input.camera, self.bounds.0, self.bounds.1);
-        let view = uniform(context, "view", &[camera], BufferUsages::UNIFORM);
+        let view = buffer_of(context, "view", &[camera], BufferUsages::UNIFORM);
         let marks = input.marks.buffer(context);
         timer.begin();
         let mut encoder = context.device.create_command_encoder(&Default::default());
         memory.flush(context, &mut encoder);
         let mut recording = Recording { context, encoder: &mut encoder, timer };
-        geometry.record(&mut recording, memory.slabs(), input.list, &view, &self.targets);
+        // A buffer cannot be empty.
+        let none = [Instance::default()];
+        let instances = if input.list.instances.is_empty() { &none } else { input.list.instances.as_slice() };
+        let instances = buffer_of(context, "instances", instances, BufferUsages::STORAGE);
+        geometry.record(&mut recording, memory.slabs(), (input.list, &instances), &view, &self.targets);
         let reached = match (&mut self.voxels, input.shadows) {
             (Some(Voxels { dag, grid, pass }), Some(settings)) => {
                 let inputs = ShadowInputs {
@@ -173,8 +180,19 @@ impl FrameRenderer {
             }
             _ => None,
         };
-        let light = LightUniform::new(input.lighting, input.up, reached.is_some());
-        let light = uniform(context, "light", &[light], BufferUsages::UNIFORM);
+        let has_glass = !input.list.transparent.is_empty();
+        let light = LightUniform::new(input.lighting, input.up, reached.is_some(), has_glass);
+        let light = buffer_of(context, "light", &[light], BufferUsages::UNIFORM);
+        if has_glass {
+            let inputs = GlassInputs {
+                pool: memory.slabs(),
+                list: input.list,
+                instances: &instances,
+                view: &view,
+                light: &light,
+            };
+            glass.record(&mut recording, &inputs, &self.targets);
+        }
         let reached = reached.unwrap_or(&self.nothing);
         let inputs = ShadeInputs { view: &view, light: &light, reached, marks: &marks };
         shade.record(&mut recording, &inputs, &self.targets);
@@ -203,7 +221,7 @@ impl FrameRenderer {
     }
 }
 
-fn uniform<T: bytemuck::Pod>(
+fn buffer_of<T: bytemuck::Pod>(
     context: &Context,
     label: &str,
     contents: &[T],

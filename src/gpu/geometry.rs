@@ -56,12 +56,12 @@ impl GeometryPass {
         GeometryPass { pipeline }
     }
 
-    /// Clears the targets and draws a list. `view` is a uniform buffer with a [`super::view::ViewUniform`].
+    /// Clears the targets and draws a list, given the buffer of its instances. `view` is a uniform buffer with a [`super::view::ViewUniform`].
     pub fn record(
         &self,
         recording: &mut Recording,
         pool: &Slabs,
-        list: &DrawList,
+        (list, instances): (&DrawList, &wgpu::Buffer),
         view: &wgpu::Buffer,
         targets: &Targets,
     ) {
@@ -94,12 +94,7 @@ impl GeometryPass {
         if list.opaque.is_empty() {
             return;
         }
-        let instances = context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("instances"),
-            contents: bytemuck::cast_slice(&list.instances),
-            usage: BufferUsages::STORAGE,
-        });
-        let group = bind_pages(context, &self.pipeline, pool, &instances, view);
+        let group = bind_pages(context, &self.pipeline, pool, instances, view);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
         draw_all(context, &mut pass, &list.opaque);

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::render::{KeyLight, Lighting, Sky, Sun};
 
-/// Sun and sky of a frame: `Light` of `shaders/shade.wgsl`.
+/// Sun and sky of a frame: `Light` of `shaders/light.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "told where shaders read them")]
@@ -18,11 +18,15 @@ pub struct LightUniform {
     pub sky: u32,
     pub sun_reflected: [f32; 3],
     pub has_shadows: u32,
+    pub has_glass: u32,
+    pub padding_0: u32,
+    pub padding_1: u32,
+    pub padding_2: u32,
 }
 
 impl LightUniform {
     /// Of a scene with this up direction. Shining rectangles are not drawn: [`crate::render`] does.
-    pub fn new(lighting: &Lighting, up: DVec3, has_shadows: bool) -> Self {
+    pub fn new(lighting: &Lighting, up: DVec3, has_shadows: bool, has_glass: bool) -> Self {
         let up = up.normalize_or(DVec3::Y);
         let single = |v: DVec3| v.as_vec3().to_array();
         let (key, sun) = match lighting.key {
@@ -44,6 +48,8 @@ impl LightUniform {
             sky,
             sun_reflected: single(Sun::REFLECTED),
             has_shadows: has_shadows.into(),
+            has_glass: has_glass.into(),
+            ..LightUniform::default()
         }
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! [`context`] (adapter, device, errors) -> [`memory`] (where [`streaming`](crate::streaming) puts pages) -> [`instance`] (what a
 //! frame draws, relative to the eye) and [`view`] (its camera) -> [`geometry`] (pages into depth, drawable, normal, colour:
-//! [`target`]) -> [`shadow`] (rays through the [`dag`], but for voxels that are [`clear`]; its [`twin`] on the CPU) -> [`shade`] ([`light`] on it, [`marks`] around what is selected). [`frame`] does all of a frame, [`timer`] tells what
+//! [`target`]) -> [`shadow`] (rays through the [`dag`], but for voxels that are [`clear`]; its [`twin`] on the CPU) -> [`glass`] -> [`shade`] ([`light`] on it, [`marks`] around what is selected). [`frame`] does all of a frame, [`timer`] tells what
 //! each pass took.
 //!
 //! Shader texts are in `shaders/`, put together by [`shader`]. Structures that both sides read have the same names and fields; a
@@ -16,6 +16,7 @@ pub mod context;
 pub mod dag;
 pub mod frame;
 pub mod geometry;
+pub mod glass;
 pub mod instance;
 pub mod light;
 pub mod marks;

@@ -3,7 +3,7 @@
 use wgpu::{BindGroupEntry, BindingResource, Buffer, RenderPipeline};
 
 use super::context::Context;
-use super::shader::{OCTAHEDRAL, SHADE, VIEW, module};
+use super::shader::{LIGHT, OCTAHEDRAL, SHADE, VIEW, module};
 use super::target::{PICTURE, Targets};
 use super::timer::Recording;
 
@@ -29,7 +29,7 @@ pub struct ShadeInputs<'a> {
 impl ShadePass {
     /// Made once.
     pub fn new(context: &Context) -> Self {
-        let module = module(context, "shade", &[OCTAHEDRAL, VIEW, SHADE]);
+        let module = module(context, "shade", &[OCTAHEDRAL, VIEW, LIGHT, SHADE]);
         let pipeline = context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("shade"),
             layout: None,
@@ -59,12 +59,13 @@ impl ShadePass {
         let Recording { context, encoder, timer } = recording;
         let resources = [
             inputs.view.as_entire_binding(),
-            inputs.light.as_entire_binding(),
             BindingResource::TextureView(&targets.drawable.view),
             BindingResource::TextureView(&targets.normal.view),
             BindingResource::TextureView(&targets.colour.view),
             inputs.reached.as_entire_binding(),
             inputs.marks.as_entire_binding(),
+            BindingResource::TextureView(&targets.glass_sum.view),
+            BindingResource::TextureView(&targets.glass_through.view),
         ];
         let entries: Vec<BindGroupEntry> =
             (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
@@ -73,6 +74,7 @@ impl ShadePass {
             layout: &self.pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
+        let light = bind_light(context, &self.pipeline, inputs.light);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shade"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -91,6 +93,16 @@ impl ShadePass {
         });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(1, &light, &[]);
         pass.draw(0..3, 0..1);
     }
+}
+
+/// Bindings of `shaders/light.wgsl`.
+pub(super) fn bind_light(context: &Context, pipeline: &RenderPipeline, light: &Buffer) -> wgpu::BindGroup {
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("light"),
+        layout: &pipeline.get_bind_group_layout(1),
+        entries: &[BindGroupEntry { binding: 0, resource: light.as_entire_binding() }],
+    })
 }

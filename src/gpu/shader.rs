@@ -16,7 +16,11 @@ pub const DAG: &str = include_str!("../../shaders/dag.wgsl");
 pub const SHADOW: &str = include_str!("../../shaders/shadow.wgsl");
 /// What smooths it; after [`VIEW`] and [`OCTAHEDRAL`].
 pub const FILTER: &str = include_str!("../../shaders/filter.wgsl");
-/// The shading pass; after [`VIEW`] and [`OCTAHEDRAL`].
+/// Light on a surface.
+pub const LIGHT: &str = include_str!("../../shaders/light.wgsl");
+/// Transparent surfaces; after [`GEOMETRY`] and [`LIGHT`].
+pub const GLASS: &str = include_str!("../../shaders/glass.wgsl");
+/// The shading pass; after [`OCTAHEDRAL`], [`VIEW`] and [`LIGHT`].
 pub const SHADE: &str = include_str!("../../shaders/shade.wgsl");
 
 /// Makes a module of several texts, one after the other.

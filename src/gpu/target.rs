@@ -16,6 +16,11 @@ pub const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
 /// Of the picture, likewise.
 pub const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
 
+/// Of weighted sums over transparent surfaces.
+pub const GLASS_SUM: TextureFormat = TextureFormat::Rgba16Float;
+/// Of what comes through them.
+pub const GLASS_THROUGH: TextureFormat = TextureFormat::R8Unorm;
+
 /// Where nothing is drawn.
 pub const NOBODY: u32 = u32::MAX;
 
@@ -93,6 +98,10 @@ pub struct Targets {
     pub normal: Target,
     /// Colours.
     pub colour: Target,
+    /// Weighted sums over transparent surfaces.
+    pub glass_sum: Target,
+    /// What comes through them.
+    pub glass_through: Target,
     /// What is shown.
     pub picture: Target,
 }
@@ -120,6 +129,8 @@ impl Targets {
             drawable: target("drawable", DRAWABLE),
             normal: target("normal", NORMAL),
             colour: target("colour", COLOUR),
+            glass_sum: target("glass sum", GLASS_SUM),
+            glass_through: target("glass through", GLASS_THROUGH),
             picture: target("picture", PICTURE),
         })
     }

@@ -11,12 +11,13 @@ use voxsight::gpu::shadow::ShadowSettings;
 use voxsight::gpu::target::NOBODY;
 use voxsight::loaded::LoadedScene;
 use voxsight::lod::Choice;
+use voxsight::model::{Colour, Model, Node, Object, Part};
 use voxsight::progress::Silent;
 use voxsight::render::{FilmPixel, Lighting, RenderSettings, Renderer, Shadows};
 use voxsight::sample::{PlantSettings, plant};
 use voxsight::streaming::{Memory, page, pool::padded};
 
-use super::common::{build_model, load, random_model};
+use super::common::{build_model, load, random_model, sheet};
 use super::context;
 
 /// A frame read back.
@@ -26,15 +27,15 @@ pub struct Frame {
     pub picture: Vec<[u8; 4]>,
 }
 
-/// Draws all of a scene at level 0 (`levels` chooses others), everything resident.
+/// Draws what is asked for of a scene at level 0, everything resident.
 fn draw(
     context: &Context,
     scene: &LoadedScene,
     camera: &CameraRays,
     lighting: &Lighting,
-    level_of: impl Fn(u32) -> u32,
+    is_drawn: impl Fn(u32) -> bool,
 ) -> Frame {
-    draw_frames(context, scene, camera, lighting, level_of, None, 1).0
+    draw_frames(context, scene, camera, lighting, is_drawn, None, 1).0
 }
 
 /// Draws some frames with shadows: the last, and the shares of sun and sky that reach its pixels.
@@ -46,7 +47,7 @@ pub fn draw_with_shadows(
     shadows: ShadowSettings,
     frames: u32,
 ) -> (Frame, Vec<[f32; 2]>) {
-    draw_frames(context, scene, camera, lighting, |_| 0, Some(shadows), frames)
+    draw_frames(context, scene, camera, lighting, opaque(scene), Some(shadows), frames)
 }
 
 fn draw_frames(
@@ -54,14 +55,14 @@ fn draw_frames(
     scene: &LoadedScene,
     camera: &CameraRays,
     lighting: &Lighting,
-    level_of: impl Fn(u32) -> u32,
+    is_drawn: impl Fn(u32) -> bool,
     shadows: Option<ShadowSettings>,
     frames: u32,
 ) -> (Frame, Vec<[f32; 2]>) {
     let all = scene.scene();
     let choices: Vec<Choice> = (0..all.drawables().len() as u32)
-        .filter(|&d| !scene.query().exact.is_transparent(d))
-        .map(|drawable| Choice { drawable, level: level_of(drawable) })
+        .filter(|&drawable| is_drawn(drawable))
+        .map(|drawable| Choice { drawable, level: 0 })
         .collect();
     let page_of = |choice: &Choice| {
         all.chunks()[all.drawables()[choice.drawable as usize].chunk as usize].first_level + choice.level
@@ -105,6 +106,11 @@ fn draw_frames(
         picture: targets.picture.read(context).unwrap(),
     };
     (frame, reached)
+}
+
+/// All but glass.
+pub fn opaque(scene: &LoadedScene) -> impl Fn(u32) -> bool + '_ {
+    |drawable| !scene.query().exact.is_transparent(drawable)
 }
 
 /// The CPU's picture of what is opaque.
@@ -204,7 +210,7 @@ fn drawables_are_those_of_exact_but_for_silhouettes() {
     for (name, camera) in cameras {
         let camera = camera.rays().unwrap();
         let film = reference(&mut scene, &camera, &lighting);
-        let frame = draw(context, &scene, &camera, &lighting, |_| 0);
+        let frame = draw(context, &scene, &camera, &lighting, opaque(&scene));
         let share = compare(name, &frame, &film, size);
         assert!(share <= 0.002, "{name}: {share}");
         assert!(
@@ -235,7 +241,7 @@ fn pictures_far_from_the_origin_stay_exact() {
             let camera = camera.rays().unwrap();
             for lighting in [Lighting::headlight(), Lighting::sunny(DVec3::new(0.4, 1.0, 0.3))] {
                 let film = reference(&mut scene, &camera, &lighting);
-                let frame = draw(context, &scene, &camera, &lighting, |_| 0);
+                let frame = draw(context, &scene, &camera, &lighting, opaque(&scene));
                 let name = format!("{centre} from {eye}");
                 let share = compare(&name, &frame, &film, size);
                 assert!(share <= 0.002, "{name}: {share}");
@@ -259,4 +265,61 @@ fn check_picture(name: &str, frame: &Frame, film: &[FilmPixel]) {
         off += u32::from(worst > 1);
     }
     assert!(f64::from(off) <= 0.01 * film.len() as f64, "{name}: {off} pixels are off by more than 1");
+}
+
+#[test]
+fn one_pane_of_glass_is_the_cpus_and_hides_nothing() {
+    let Some(context) = context() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    // A wall, and before it a pane that covers its middle.
+    let mut model = Model::default();
+    model.parts.push(Part { name: "sheet".to_owned(), mesh: sheet(2) });
+    for (node, (name, scale, height, colour)) in
+        [("wall", 10.0, 0.0, [200, 120, 40, 255]), ("pane", 4.0, 3.0, [30, 90, 220, 100])]
+            .into_iter()
+            .enumerate()
+    {
+        let node = node as u32;
+        let size = DVec3::new(scale, scale, 1.0);
+        let at = DVec3::new(-0.5 * scale, -0.5 * scale, height);
+        let world_from_part =
+            glam::DAffine3::from_scale_rotation_translation(size, glam::DQuat::IDENTITY, at);
+        model.nodes.push(Node { name: name.to_owned(), ..Node::default() });
+        model.objects.push(Object { node, part: 0, world_from_part, colour: Colour(colour) });
+    }
+    build_model(model, 8, &path);
+    let scene = load(&path);
+    let camera = Camera {
+        eye: [0.5, 0.4, 9.0],
+        target: [0.0, 0.1, 0.0],
+        up: [0.0, 1.0, 0.0],
+        projection: Projection::Perspective { fov_y_deg: 50.0 },
+        width: 128,
+        height: 128,
+    };
+    let camera = camera.rays().unwrap();
+    for lighting in [Lighting::headlight(), Lighting::sunny(DVec3::new(0.4, 1.0, 0.3))] {
+        let settings = RenderSettings {
+            samples_per_pixel: 1,
+            lighting: lighting.clone(),
+            shadows: Shadows::None,
+            up: DVec3::Y,
+            seed: 0,
+        };
+        let picture = scene.picture();
+        let (film, _) = Renderer::new(&picture, &camera, &settings).rows(0..128, &Silent).unwrap();
+        let frame = draw(context, &scene, &camera, &lighting, |_| true);
+        // The frame's drawables are those behind the glass, the film's those before: pictures alone are compared.
+        let expected = film.to_rgb8();
+        let (mut panes, mut off) = (0, 0);
+        for (index, expected) in expected.pixels().enumerate() {
+            let worst = (0..3).map(|c| frame.picture[index][c].abs_diff(expected.0[c])).max().unwrap();
+            panes += u32::from(film.pixels[index].drawable == 1);
+            off += u32::from(worst > 2);
+            assert!(frame.drawables[index] != 1, "glass is not what is opaque");
+        }
+        println!("glass: {panes} pixels, {off} off by more than 2");
+        assert!(panes > 1000 && off < 40, "{panes} {off}");
+    }
 }
