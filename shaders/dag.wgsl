@@ -3,6 +3,8 @@
 
 // log2 of the words of a slab.
 override DAG_SHIFT: u32;
+// Slabs there are: with one, no shader looks for the right one.
+override DAG_SLABS: u32;
 
 @group(1) @binding(0) var<storage, read> dag_0: array<u32>;
 @group(1) @binding(1) var<storage, read> dag_1: array<u32>;
@@ -59,6 +61,9 @@ const NEGLIGIBLE: f32 = 9.3132257e-10;
 const MOST_STEPS: u32 = 1u << 20u;
 
 fn dag_word(at: u32) -> u32 {
+    if DAG_SLABS == 1u {
+        return dag_0[at];
+    }
     let inside = at & ((1u << DAG_SHIFT) - 1u);
     switch at >> DAG_SHIFT {
         case 0u: { return dag_0[inside]; }

@@ -23,10 +23,9 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) numb
     let normal = face_normal(&instance, q);
     let point = position_of(&instance, q[vertex % 3u]);
     // What has no area covers no pixel, but its normal must be one.
-    let is_flat = dot(normal, normal) > 0.0;
+    let is_flat = any(normal != vec3f(0.0));
     // Drawn from both sides: CAD files are careless about winding, so the side that is seen is the outside.
-    let at = position_of(&instance, q[0]);
-    let towards = select(at, view.forward, view.near == 0.0);
+    let towards = select(point, view.forward, view.near == 0.0);
     let facing = select(normal, -normal, dot(normal, towards) > 0.0);
     var seen: Seen;
     seen.position = clip_from_relative(view, point);

@@ -2,6 +2,8 @@
 
 // log2 of the words of a slab.
 override POOL_SHIFT: u32;
+// Slabs there are: with one, no shader looks for the right one.
+override POOL_SLABS: u32;
 
 @group(0) @binding(0) var<storage, read> pool_0: array<u32>;
 @group(0) @binding(1) var<storage, read> pool_1: array<u32>;
@@ -26,18 +28,18 @@ struct Instance {
     translation: vec3f,
     // Word of the first index in the pool.
     indices_at: u32,
-    // The cofactors of the columns: what turns a cross product of steps into one of relative space.
-    normal_x: vec3f,
     // 0, 1, 2: indices of 1, 2, 4 bytes.
     index_log2: u32,
-    normal_y: vec3f,
     drawable: u32,
-    normal_z: vec3f,
     // sRGB, 8 bits each, red lowest.
     colour: u32,
+    padding_0: u32,
 }
 
 fn pool_word(at: u32) -> u32 {
+    if POOL_SLABS == 1u {
+        return pool_0[at];
+    }
     let inside = at & ((1u << POOL_SHIFT) - 1u);
     switch at >> POOL_SHIFT {
         case 0u: { return pool_0[inside]; }
@@ -95,10 +97,16 @@ fn cross_of_steps(a: vec3i, b: vec3i) -> vec3f {
     );
 }
 
-// Of a triangle, on the side from which its corners are counter-clockwise; not of length 1; zero where it has no area.
+// Of a triangle, on the side from which its corners are counter-clockwise; its largest component is 1 or -1; zero where it has no
+// area. Cross products turn with the cofactors of the columns.
 fn face_normal(instance: ptr<function, Instance>, q: array<vec3i, 3>) -> vec3f {
-    let cross = cross_of_steps(q[1] - q[0], q[2] - q[0]);
-    return (*instance).normal_x * cross.x + (*instance).normal_y * cross.y + (*instance).normal_z * cross.z;
+    let crossed = cross_of_steps(q[1] - q[0], q[2] - q[0]);
+    let x = cross((*instance).column_y, (*instance).column_z);
+    let y = cross((*instance).column_z, (*instance).column_x);
+    let z = cross((*instance).column_x, (*instance).column_y);
+    let normal = x * crossed.x + y * crossed.y + z * crossed.z;
+    let size = max(max(abs(normal.x), abs(normal.y)), abs(normal.z));
+    return select(normal / size, vec3f(0.0), size == 0.0);
 }
 
 // Quantized corners of a triangle.

@@ -303,8 +303,8 @@ impl Run<'_> {
         view: &View,
         path: &Path,
     ) -> Result<(), Failure> {
-        let texels: Vec<u8> = walk.renderer().targets().picture.read(context)?;
-        let picture = RgbaImage::from_raw(view.camera.width, view.camera.height, texels)
+        let texels: Vec<[u8; 4]> = walk.renderer().targets().picture.read(context)?;
+        let picture = RgbaImage::from_raw(view.camera.width, view.camera.height, texels.into_flattened())
             .ok_or("the picture read back is too short")?;
         write_png(path, &image::DynamicImage::ImageRgba8(picture).to_rgb8())
     }

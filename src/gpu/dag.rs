@@ -8,6 +8,7 @@ use wgpu::util::DeviceExt;
 use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
 use super::memory::Slabs;
+use super::shader::DAG_CONSTANTS;
 
 /// `Dag` of `shaders/dag.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -75,9 +76,9 @@ impl GpuDag {
         self.slabs.bytes()
     }
 
-    /// log2 of the words of a slab: `DAG_SHIFT`.
-    pub fn shift(&self) -> u32 {
-        self.slabs.shift()
+    /// What `shaders/dag.wgsl` needs to know.
+    pub fn constants(&self) -> [(&'static str, f64); 2] {
+        self.slabs.constants(DAG_CONSTANTS)
     }
 
     /// Bindings of group 1.

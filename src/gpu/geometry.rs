@@ -6,7 +6,7 @@ use wgpu::{BufferUsages, RenderPipeline};
 use super::context::Context;
 use super::instance::{Draw, DrawList};
 use super::memory::{SLABS, Slabs};
-use super::shader::{GEOMETRY, OCTAHEDRAL, PAGE, VIEW, module};
+use super::shader::{GEOMETRY, OCTAHEDRAL, PAGE, POOL_CONSTANTS, VIEW, module};
 use super::target::{COLOUR, DEPTH, DRAWABLE, NOBODY, NORMAL, Targets};
 use super::timer::Recording;
 
@@ -20,7 +20,7 @@ impl GeometryPass {
     /// For pages in a memory of this kind.
     pub fn new(context: &Context, pool: &Slabs) -> Self {
         let module = module(context, "geometry", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY]);
-        let constants = [("POOL_SHIFT", f64::from(pool.shift()))];
+        let constants = pool.constants(POOL_CONSTANTS);
         let options = wgpu::PipelineCompilationOptions {
             constants: &constants,
             zero_initialize_workgroup_memory: true,

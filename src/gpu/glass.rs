@@ -7,7 +7,7 @@ use super::geometry::{bind_pages, draw_all};
 use super::instance::DrawList;
 use super::memory::Slabs;
 use super::shade::bind_light;
-use super::shader::{GEOMETRY, GLASS, LIGHT, OCTAHEDRAL, PAGE, VIEW, module};
+use super::shader::{GEOMETRY, GLASS, LIGHT, OCTAHEDRAL, PAGE, POOL_CONSTANTS, VIEW, module};
 use super::target::{DEPTH, GLASS_SUM, GLASS_THROUGH, Targets};
 use super::timer::Recording;
 
@@ -36,7 +36,7 @@ impl GlassPass {
     /// For pages in a memory of this kind.
     pub fn new(context: &Context, pool: &Slabs) -> Self {
         let module = module(context, "glass", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY, LIGHT, GLASS]);
-        let constants = [("POOL_SHIFT", f64::from(pool.shift()))];
+        let constants = pool.constants(POOL_CONSTANTS);
         let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
         let blended = |format, src_factor, dst_factor| {
             let component = BlendComponent { src_factor, dst_factor, operation: BlendOperation::Add };

@@ -29,12 +29,10 @@ pub struct Instance {
     pub vertices_at: u32,
     pub translation: [f32; 3],
     pub indices_at: u32,
-    pub normal_x: [f32; 3],
     pub index_log2: u32,
-    pub normal_y: [f32; 3],
     pub drawable: u32,
-    pub normal_z: [f32; 3],
     pub colour: u32,
+    pub padding_0: u32,
 }
 
 /// Where a chunk's grid lies: its offset in the part's grid, the part's step, its placement.
@@ -63,14 +61,6 @@ impl Instance {
         } else {
             (offset, DVec3::ZERO, world_from_part.translation - eye)
         };
-        // Cross products turn with the cofactors. Their length does not matter: none may leave the range of f32.
-        let cofactors = [
-            linear.y_axis.cross(linear.z_axis),
-            linear.z_axis.cross(linear.x_axis),
-            linear.x_axis.cross(linear.y_axis),
-        ];
-        let largest = cofactors.iter().map(|c| c.abs().max_element()).fold(f64::MIN_POSITIVE, f64::max);
-        let [normal_x, normal_y, normal_z] = cofactors.map(|c| (c / largest).as_vec3().to_array());
         Instance {
             column_x: linear.x_axis.as_vec3().to_array(),
             base_x: base.x,
@@ -80,9 +70,6 @@ impl Instance {
             base_z: base.z,
             fraction: fraction.as_vec3().to_array(),
             translation: translation.as_vec3().to_array(),
-            normal_x,
-            normal_y,
-            normal_z,
             ..Instance::default()
         }
     }

@@ -52,9 +52,9 @@ impl Slabs {
         Ok(Slabs { buffers: buffers.collect(), shift: slab.ilog2() - 2, bytes })
     }
 
-    /// What shaders need to know: log2 of the words of a slab.
-    pub fn shift(&self) -> u32 {
-        self.shift
+    /// What shaders need to know: the values of `NAME_SHIFT`, log2 of the words of a slab, and `NAME_SLABS`.
+    pub fn constants<'n>(&self, [shift, slabs]: [&'n str; 2]) -> [(&'n str, f64); 2] {
+        [(shift, self.shift.into()), (slabs, self.buffers.len() as f64)]
     }
 
     /// Bytes of all slabs.

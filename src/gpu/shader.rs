@@ -4,6 +4,8 @@ use super::context::Context;
 
 /// Pages, instances, decoding.
 pub const PAGE: &str = include_str!("../../shaders/page.wgsl");
+/// The constants of [`PAGE`], for [`super::memory::Slabs::constants`].
+pub const POOL_CONSTANTS: [&str; 2] = ["POOL_SHIFT", "POOL_SLABS"];
 /// Directions in 32 bits.
 pub const OCTAHEDRAL: &str = include_str!("../../shaders/octahedral.wgsl");
 /// The camera.
@@ -12,6 +14,8 @@ pub const VIEW: &str = include_str!("../../shaders/view.wgsl");
 pub const GEOMETRY: &str = include_str!("../../shaders/geometry.wgsl");
 /// Rays through the voxel DAG.
 pub const DAG: &str = include_str!("../../shaders/dag.wgsl");
+/// The constants of [`DAG`].
+pub const DAG_CONSTANTS: [&str; 2] = ["DAG_SHIFT", "DAG_SLABS"];
 /// The shadow pass; after [`VIEW`], [`OCTAHEDRAL`] and [`DAG`].
 pub const SHADOW: &str = include_str!("../../shaders/shadow.wgsl");
 /// What smooths it; after [`VIEW`] and [`OCTAHEDRAL`].

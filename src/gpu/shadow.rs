@@ -109,7 +109,7 @@ pub struct ShadowInputs<'a> {
 impl ShadowPass {
     /// For DAGs in a memory of this kind.
     pub fn new(context: &Context, dag: &GpuDag) -> Self {
-        let constants = [("DAG_SHIFT", f64::from(dag.shift()))];
+        let constants = dag.constants();
         let pipeline = |label, texts: &[&str], entry_point, constants| {
             context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(label),

@@ -24,7 +24,7 @@ fn decoded(context: &Context, pool: &Slabs, instance: Instance, triangles: u32) 
     const WORDS: usize = 21;
     let device = &context.device;
     let module = shader::module(context, "decode", &[shader::PAGE, include_str!("decode.wgsl")]);
-    let constants = [("POOL_SHIFT", f64::from(pool.shift()))];
+    let constants = pool.constants(shader::POOL_CONSTANTS);
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,

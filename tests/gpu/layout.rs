@@ -28,7 +28,7 @@ macro_rules! ours {
 #[test]
 fn instances_lie_in_memory_as_the_shader_reads_them() {
     let ours = ours!(Instance: column_x base_x column_y base_y column_z base_z fraction vertices_at translation
-        indices_at normal_x index_log2 normal_y drawable normal_z colour);
+        indices_at index_log2 drawable colour padding_0);
     assert_eq!(members(&[shader::PAGE], "Instance"), ours);
 }
 

@@ -31,7 +31,7 @@ struct Listed {
 fn cast(context: &Context, dag: &GpuDag, rays: &[GridRay]) -> Vec<Option<IVec3>> {
     let device = &context.device;
     let module = shader::module(context, "rays", &[shader::DAG, include_str!("rays.wgsl")]);
-    let constants = [("DAG_SHIFT", f64::from(dag.shift()))];
+    let constants = dag.constants();
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,
