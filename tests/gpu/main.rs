@@ -10,6 +10,7 @@ mod layout;
 mod pictures;
 mod rays;
 mod shadows;
+mod walks;
 
 use std::io::Write;
 use std::sync::OnceLock;
