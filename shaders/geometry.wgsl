@@ -1,6 +1,6 @@
 // The geometry pass: pages of triangles into depth, drawable, normal and colour.
 
-@group(0) @binding(5) var<uniform> view: View;
+@group(0) @binding(4) var<uniform> view: View;
 
 struct Seen {
     @builtin(position) position: vec4f,
@@ -17,8 +17,8 @@ struct Pixel {
 
 // Three vertices a triangle, fetched and decoded here: nothing is indexed, so that each knows its triangle's normal.
 @vertex
-fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) number: u32) -> Seen {
-    var instance = instances[number];
+fn vertex_main(@builtin(vertex_index) vertex: u32, fetched: Instance) -> Seen {
+    var instance = fetched;
     var q = corners_of(&instance, vertex / 3u);
     let normal = face_normal(&instance, q);
     let point = position_of(&instance, q[vertex % 3u]);
@@ -29,7 +29,7 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, @builtin(instance_index) numb
     let facing = select(normal, -normal, dot(normal, towards) > 0.0);
     var seen: Seen;
     seen.position = clip_from_relative(view, point);
-    seen.drawable = instance.drawable;
+    seen.drawable = instance.page.w;
     seen.normal = octahedral_pack(select(vec3f(0.0, 0.0, 1.0), facing, is_flat));
     seen.colour = instance.colour;
     return seen;

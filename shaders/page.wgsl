@@ -9,31 +9,22 @@ override POOL_SLABS: u32;
 @group(0) @binding(1) var<storage, read> pool_1: array<u32>;
 @group(0) @binding(2) var<storage, read> pool_2: array<u32>;
 @group(0) @binding(3) var<storage, read> pool_3: array<u32>;
-@group(0) @binding(4) var<storage, read> instances: array<Instance>;
-
-// One drawable in one frame: `gpu::instance::Instance`. *Relative* space has the world's axes and the eye as its origin.
+// One drawable in one frame: `gpu::instance::Instance`, a vertex buffer that steps by instance (software drivers read storage lane
+// by lane: from there it took most of a frame). *Relative* space has the world's axes and the eye as its origin.
 struct Instance {
     // Relative space from steps of the part's grid: columns.
-    column_x: vec3f,
+    @location(0) column_x: vec3f,
+    @location(1) column_y: vec3f,
+    @location(2) column_z: vec3f,
     // Added to the quantized coordinates, exactly.
-    base_x: i32,
-    column_y: vec3f,
-    base_y: i32,
-    column_z: vec3f,
-    base_z: i32,
+    @location(3) base: vec3i,
     // Below a step; added after `base`.
-    fraction: vec3f,
-    // Word of the first vertex in the pool.
-    vertices_at: u32,
-    translation: vec3f,
-    // Word of the first index in the pool.
-    indices_at: u32,
-    // 0, 1, 2: indices of 1, 2, 4 bytes.
-    index_log2: u32,
-    drawable: u32,
+    @location(4) fraction: vec3f,
+    @location(5) translation: vec3f,
+    // Words of the first vertex and of the first index in the pool; 0, 1, 2 for indices of 1, 2, 4 bytes; the drawable.
+    @location(6) page: vec4u,
     // sRGB, 8 bits each, red lowest.
-    colour: u32,
-    padding_0: u32,
+    @location(7) colour: u32,
 }
 
 fn pool_word(at: u32) -> u32 {
@@ -52,7 +43,7 @@ fn pool_word(at: u32) -> u32 {
 // Quantized coordinates of a vertex: three u16 that begin at an even byte.
 fn quantized(instance: ptr<function, Instance>, vertex: u32) -> vec3i {
     let half = 3u * vertex;
-    let word = (*instance).vertices_at + (half >> 1u);
+    let word = (*instance).page.x + (half >> 1u);
     let low = pool_word(word);
     let high = pool_word(word + 1u);
     let odd = (half & 1u) == 1u;
@@ -64,9 +55,9 @@ fn quantized(instance: ptr<function, Instance>, vertex: u32) -> vec3i {
 
 // One of the indices of a page.
 fn corner_index(instance: ptr<function, Instance>, number: u32) -> u32 {
-    let log2 = (*instance).index_log2;
+    let log2 = (*instance).page.z;
     let byte = number << log2;
-    let word = pool_word((*instance).indices_at + (byte >> 2u));
+    let word = pool_word((*instance).page.y + (byte >> 2u));
     // A shift by 32 is undefined: whole words take none.
     let mask = select((1u << (8u << min(log2, 1u))) - 1u, 0xffffffffu, log2 == 2u);
     return (word >> (8u * (byte & 3u))) & mask;
@@ -75,8 +66,7 @@ fn corner_index(instance: ptr<function, Instance>, number: u32) -> u32 {
 // Relative position of a vertex. Sums of steps are exact as far as f32 holds whole numbers, so that what is near the eye is as
 // exact as its distance, wherever the part's origin lies.
 fn position_of(instance: ptr<function, Instance>, q: vec3i) -> vec3f {
-    let base = vec3i((*instance).base_x, (*instance).base_y, (*instance).base_z);
-    let steps = vec3f(base + q) + (*instance).fraction;
+    let steps = vec3f((*instance).base + q) + (*instance).fraction;
     let turned = (*instance).column_x * steps.x + (*instance).column_y * steps.y + (*instance).column_z * steps.z;
     return turned + (*instance).translation;
 }

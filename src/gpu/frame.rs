@@ -162,7 +162,7 @@ impl FrameRenderer {
         // A buffer cannot be empty.
         let none = [Instance::default()];
         let instances = if input.list.instances.is_empty() { &none } else { input.list.instances.as_slice() };
-        let instances = buffer_of(context, "instances", instances, BufferUsages::STORAGE);
+        let instances = buffer_of(context, "instances", instances, BufferUsages::VERTEX);
         geometry.record(&mut recording, memory.slabs(), (input.list, &instances), &view, &self.targets);
         let reached = match (&mut self.voxels, input.shadows) {
             (Some(Voxels { dag, grid, pass }), Some(settings)) => {

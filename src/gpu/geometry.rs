@@ -4,7 +4,7 @@ use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, RenderPipeline};
 
 use super::context::Context;
-use super::instance::{Draw, DrawList};
+use super::instance::{Draw, DrawList, Instance};
 use super::memory::{SLABS, Slabs};
 use super::shader::{GEOMETRY, OCTAHEDRAL, PAGE, POOL_CONSTANTS, VIEW, module};
 use super::target::{COLOUR, DEPTH, DRAWABLE, NOBODY, NORMAL, Targets};
@@ -32,7 +32,7 @@ impl GeometryPass {
                 module: &module,
                 entry_point: Some("vertex_main"),
                 compilation_options: options.clone(),
-                buffers: &[],
+                buffers: &[Some(Instance::layout())],
             },
             // Both sides are drawn.
             primitive: wgpu::PrimitiveState::default(),
@@ -94,9 +94,10 @@ impl GeometryPass {
         if list.opaque.is_empty() {
             return;
         }
-        let group = bind_pages(context, &self.pipeline, pool, instances, view);
+        let group = bind_pages(context, &self.pipeline, pool, view);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
+        pass.set_vertex_buffer(0, instances.slice(..));
         draw_all(context, &mut pass, &list.opaque);
     }
 }
@@ -106,15 +107,12 @@ pub(super) fn bind_pages(
     context: &Context,
     pipeline: &RenderPipeline,
     pool: &Slabs,
-    instances: &wgpu::Buffer,
     view: &wgpu::Buffer,
 ) -> wgpu::BindGroup {
-    let slabs = pool.bindings();
-    let others = [instances.as_entire_binding(), view.as_entire_binding()];
-    let resources = slabs.into_iter().chain(others);
+    let resources = pool.bindings().into_iter().chain([view.as_entire_binding()]);
     let entries: Vec<wgpu::BindGroupEntry> =
         (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
-    debug_assert_eq!(entries.len(), SLABS + 2);
+    debug_assert_eq!(entries.len(), SLABS + 1);
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("pages"),
         layout: &pipeline.get_bind_group_layout(0),

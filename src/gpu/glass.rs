@@ -4,7 +4,7 @@ use wgpu::{BlendComponent, BlendFactor, BlendOperation, BlendState, Buffer, Rend
 
 use super::context::Context;
 use super::geometry::{bind_pages, draw_all};
-use super::instance::DrawList;
+use super::instance::{DrawList, Instance};
 use super::memory::Slabs;
 use super::shade::bind_light;
 use super::shader::{GEOMETRY, GLASS, LIGHT, OCTAHEDRAL, PAGE, POOL_CONSTANTS, VIEW, module};
@@ -50,7 +50,7 @@ impl GlassPass {
                 module: &module,
                 entry_point: Some("vertex_main"),
                 compilation_options: options.clone(),
-                buffers: &[],
+                buffers: &[Some(Instance::layout())],
             },
             primitive: Default::default(),
             depth_stencil: Some(wgpu::DepthStencilState {
@@ -99,11 +99,12 @@ impl GlassPass {
             occlusion_query_set: None,
             multiview_mask: None,
         });
-        let pages = bind_pages(context, &self.pipeline, inputs.pool, inputs.instances, inputs.view);
+        let pages = bind_pages(context, &self.pipeline, inputs.pool, inputs.view);
         let light = bind_light(context, &self.pipeline, inputs.light);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &pages, &[]);
         pass.set_bind_group(1, &light, &[]);
+        pass.set_vertex_buffer(0, inputs.instances.slice(..));
         draw_all(context, &mut pass, &inputs.list.transparent);
     }
 }

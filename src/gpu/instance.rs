@@ -20,19 +20,32 @@ const MOST_STEPS: f64 = (1 << 29) as f64;
 #[allow(missing_docs, reason = "told where shaders read them")]
 pub struct Instance {
     pub column_x: [f32; 3],
-    pub base_x: i32,
     pub column_y: [f32; 3],
-    pub base_y: i32,
     pub column_z: [f32; 3],
-    pub base_z: i32,
+    pub base: [i32; 3],
     pub fraction: [f32; 3],
-    pub vertices_at: u32,
     pub translation: [f32; 3],
+    pub vertices_at: u32,
     pub indices_at: u32,
     pub index_log2: u32,
     pub drawable: u32,
     pub colour: u32,
-    pub padding_0: u32,
+}
+
+/// Where shaders find it.
+pub const ATTRIBUTES: [wgpu::VertexAttribute; 8] = wgpu::vertex_attr_array![
+    0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Sint32x3, 4 => Float32x3, 5 => Float32x3, 6 => Uint32x4, 7 => Uint32
+];
+
+impl Instance {
+    /// A buffer of them, as pipelines want it.
+    pub(super) fn layout() -> wgpu::VertexBufferLayout<'static> {
+        wgpu::VertexBufferLayout {
+            array_stride: size_of::<Instance>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &ATTRIBUTES,
+        }
+    }
 }
 
 /// Where a chunk's grid lies: its offset in the part's grid, the part's step, its placement.
@@ -63,11 +76,9 @@ impl Instance {
         };
         Instance {
             column_x: linear.x_axis.as_vec3().to_array(),
-            base_x: base.x,
             column_y: linear.y_axis.as_vec3().to_array(),
-            base_y: base.y,
             column_z: linear.z_axis.as_vec3().to_array(),
-            base_z: base.z,
+            base: base.to_array(),
             fraction: fraction.as_vec3().to_array(),
             translation: translation.as_vec3().to_array(),
             ..Instance::default()

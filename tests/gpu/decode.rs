@@ -109,9 +109,7 @@ fn positions_are_those_of_the_cpu_to_the_last_bit() {
             column_x: diagonal(0).to_array(),
             column_y: diagonal(1).to_array(),
             column_z: diagonal(2).to_array(),
-            base_x: offset[0],
-            base_y: offset[1],
-            base_z: offset[2],
+            base: offset,
             ..Instance::default().with_page(&layout, before)
         };
         let found = decoded(context, memory.slabs(), instance, triangles);
