@@ -26,9 +26,10 @@ struct Dag {
     leaves_at: u32,
     // Slots of `clear_bricks` less one, a power of two less one; 0 where every voxel casts.
     clear_slots: u32,
+    // Word of the first brick count, and the first word of a node that has one.
+    counts_at: u32,
+    counts_from: u32,
     padding_0: u32,
-    padding_1: u32,
-    padding_2: u32,
 }
 
 // A ray of grid space: whole voxels and the rest of its origin apart, so that the rest keeps all its digits.
@@ -49,6 +50,11 @@ struct Walk {
     inverse: vec3f,
     rises: vec3<bool>,
     t_end: f32,
+    voxel: vec3i,
+    // Of the node that `voxel` is looked up in; 0: `leaf` is the mask of its brick.
+    height: u32,
+    leaf: vec2u,
+    nodes: array<u32, MAX_STACK>,
 }
 
 // Height of the root over the largest grid, and a slot for the leaf.
@@ -208,6 +214,83 @@ fn hash_of(key: vec2u) -> u32 {
     return h ^ (h >> 13u);
 }
 
+// Sets out. False when the ray passes the grid by.
+fn begin(ray: GridRay, walk: ptr<function, Walk>) -> bool {
+    if !enter(ray, walk) {
+        return false;
+    }
+    (*walk).voxel = start(walk);
+    (*walk).height = dag.height;
+    (*walk).nodes[dag.height] = dag.root;
+    return !is_outside((*walk).voxel);
+}
+
+// Goes down to the smallest cell that holds the voxel. True where it is an occupied voxel, false where it is empty.
+fn descend(walk: ptr<function, Walk>) -> bool {
+    loop {
+        let bit = slot_of((*walk).voxel, 2u * (*walk).height);
+        if (*walk).height == 0u {
+            return has_bit((*walk).leaf, bit);
+        }
+        let node = (*walk).nodes[(*walk).height];
+        let mask = vec2u(dag_word(node), dag_word(node + 1u));
+        if !has_bit(mask, bit) {
+            break;
+        }
+        let child = dag_word(node + 2u + rank_of(mask, bit));
+        (*walk).height--;
+        if (*walk).height > 0u {
+            (*walk).nodes[(*walk).height] = child;
+        } else {
+            let at = dag.leaves_at + 2u * child;
+            (*walk).leaf = vec2u(dag_word(at), dag_word(at + 1u));
+        }
+    }
+    return false;
+}
+
+// Crosses the nearest plane of the cell, and every other that the ray meets at the same t. False at the end of the ray.
+fn advance(walk: ptr<function, Walk>) -> bool {
+    let size = 1i << (2u * (*walk).height);
+    let before = (*walk).voxel;
+    let low = before & vec3i(-size);
+    let exits = at_planes(walk, select(low, low + size, (*walk).rises));
+    let t = smallest(exits);
+    if t > (*walk).t_end {
+        return false;
+    }
+    for (var axis = 0u; axis < 3u; axis++) {
+        if exits[axis] <= t {
+            (*walk).voxel[axis] = select(low[axis] - 1, low[axis] + size, (*walk).rises[axis]);
+        } else if size > 1 {
+            (*walk).voxel[axis] = coordinate_after(walk, axis, t, before[axis], low[axis], size);
+        }
+    }
+    if is_outside((*walk).voxel) {
+        return false;
+    }
+    // Up to the node that holds both.
+    let changed = before ^ (*walk).voxel;
+    (*walk).height = max((*walk).height, firstLeadingBit(u32(changed.x | changed.y | changed.z)) / 2u);
+    return true;
+}
+
+// Ordinal of the brick of an occupied voxel, in depth-first order.
+fn ordinal_of(walk: ptr<function, Walk>) -> u32 {
+    var before = 0u;
+    for (var height = 1u; height <= dag.height; height++) {
+        let node = (*walk).nodes[height];
+        let mask = vec2u(dag_word(node), dag_word(node + 1u));
+        let rank = rank_of(mask, slot_of((*walk).voxel, 2u * height));
+        if height == 1u {
+            before += rank;
+        } else {
+            before += dag_word(dag.counts_at + (node + 2u + rank - dag.counts_from));
+        }
+    }
+    return before;
+}
+
 struct Hit {
     is_hit: bool,
     voxel: vec3i,
@@ -215,67 +298,13 @@ struct Hit {
 
 // The first voxel on a ray that casts a shadow.
 fn first_hit(ray: GridRay) -> Hit {
-    let miss = Hit(false, vec3i(0));
     var walk: Walk;
-    if !enter(ray, &walk) {
-        return miss;
+    var goes_on = begin(ray, &walk);
+    for (var step = 0u; goes_on && step < MOST_STEPS; step++) {
+        if descend(&walk) && !is_clear(walk.voxel) {
+            return Hit(true, walk.voxel);
+        }
+        goes_on = advance(&walk);
     }
-    var voxel = start(&walk);
-    if is_outside(voxel) {
-        return miss;
-    }
-    var nodes: array<u32, MAX_STACK>;
-    var height = dag.height;
-    nodes[height] = dag.root;
-    var leaf = vec2u(0u);
-    for (var step = 0u; step < MOST_STEPS; step++) {
-        // Down to the smallest cell that holds the voxel and is empty or a voxel.
-        var is_occupied = false;
-        loop {
-            let bit = slot_of(voxel, 2u * height);
-            if height == 0u {
-                is_occupied = has_bit(leaf, bit);
-                break;
-            }
-            let node = nodes[height];
-            let mask = vec2u(dag_word(node), dag_word(node + 1u));
-            if !has_bit(mask, bit) {
-                break;
-            }
-            let child = dag_word(node + 2u + rank_of(mask, bit));
-            height--;
-            if height > 0u {
-                nodes[height] = child;
-            } else {
-                let at = dag.leaves_at + 2u * child;
-                leaf = vec2u(dag_word(at), dag_word(at + 1u));
-            }
-        }
-        if is_occupied && !is_clear(voxel) {
-            return Hit(true, voxel);
-        }
-        // Across the nearest plane of the cell, and every other that the ray meets at the same t.
-        let size = 1i << (2u * height);
-        let low = voxel & vec3i(-size);
-        let exits = at_planes(&walk, select(low, low + size, walk.rises));
-        let t = smallest(exits);
-        if t > walk.t_end {
-            return miss;
-        }
-        let before = voxel;
-        for (var axis = 0u; axis < 3u; axis++) {
-            if exits[axis] <= t {
-                voxel[axis] = select(low[axis] - 1, low[axis] + size, walk.rises[axis]);
-            } else if size > 1 {
-                voxel[axis] = coordinate_after(&walk, axis, t, before[axis], low[axis], size);
-            }
-        }
-        if is_outside(voxel) {
-            return miss;
-        }
-        // Up to the node that holds both.
-        let differ = (before.x ^ voxel.x) | (before.y ^ voxel.y) | (before.z ^ voxel.z);
-        height = max(height, firstLeadingBit(u32(differ)) / 2u);
-    }
-    return miss;
+    return Hit(false, vec3i(0));
 }

@@ -7,8 +7,9 @@ use serde_json::json;
 
 use super::Failure;
 use super::output::{human_bytes, human_count, print_json, print_out};
-use crate::container::layout::{NONE, SectionKind};
+use crate::container::layout::{LevelRecord, NONE, SectionKind};
 use crate::scene::Scene;
+use crate::streaming::PageLayout;
 
 /// Flags of `info`.
 #[derive(Args)]
@@ -49,6 +50,7 @@ fn as_json(scene: &Scene, tree: bool) -> serde_json::Value {
         "section_bytes": sections,
         "grid": meta.grid,
         "dag": meta.dag,
+        "resident_bytes": { "level_0": resident_bytes(scene).0, "all_levels": resident_bytes(scene).1 },
         "settings": meta.settings,
         "sources": meta.sources,
         "generator": meta.generator,
@@ -124,6 +126,13 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
         human_count(counts.chunks),
         geometry as f64 / counts.unique_triangles.max(1) as f64
     )?;
+    let (finest, all) = resident_bytes(scene);
+    print_out!(
+        "in memory   {} for level 0 of all ({:.2} bytes a stored triangle), {} for all levels",
+        human_bytes(finest),
+        finest as f64 / counts.unique_triangles.max(1) as f64,
+        human_bytes(all)
+    )?;
     let dag_bytes =
         container.section_length(SectionKind::DagNodes) + container.section_length(SectionKind::DagLeaves);
     let owners = container.section_length(SectionKind::OwnerDirectory)
@@ -149,4 +158,11 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
         print_out!("repairs     {} {what} (first: {})", human_count(finding.count), finding.first)?;
     }
     Ok(())
+}
+
+/// Bytes that the pages of all chunks take on a GPU: at level 0, at all levels.
+fn resident_bytes(scene: &Scene) -> (u64, u64) {
+    let bytes = |level: &LevelRecord| u64::from(PageLayout::of(level).bytes);
+    let finest = scene.chunks().iter().map(|chunk| bytes(&scene.levels()[chunk.first_level as usize])).sum();
+    (finest, scene.levels().iter().map(bytes).sum())
 }

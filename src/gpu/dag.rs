@@ -20,9 +20,9 @@ pub struct DagUniform {
     pub side: i32,
     pub leaves_at: u32,
     pub clear_slots: u32,
+    pub counts_at: u32,
+    pub counts_from: u32,
     pub padding_0: u32,
-    pub padding_1: u32,
-    pub padding_2: u32,
 }
 
 /// A DAG that shaders can read.
@@ -43,9 +43,12 @@ impl GpuDag {
     pub fn new(context: &Context, dag: &DagRef, clear: &ClearBricks) -> Result<Self, GpuError> {
         let (words, leaves): (&[u8], &[u8]) =
             (bytemuck::cast_slice(dag.words()), bytemuck::cast_slice(dag.leaves()));
-        let slabs = Slabs::new(context, "the voxel DAG", (words.len() + leaves.len()) as u64)?;
+        let (counts_from, counts) = dag.low_counts();
+        let counts: &[u8] = bytemuck::cast_slice(counts);
+        let slabs = Slabs::new(context, "the voxel DAG", (words.len() + leaves.len() + counts.len()) as u64)?;
         slabs.write(context, 0, words);
         slabs.write(context, words.len() as u64, leaves);
+        slabs.write(context, (words.len() + leaves.len()) as u64, counts);
         let uniform = DagUniform {
             root: dag.root().unwrap_or(0),
             height: dag.height(),
@@ -53,7 +56,10 @@ impl GpuDag {
             // At most 2^32 - 1 words, which building guarantees.
             leaves_at: dag.words().len() as u32,
             clear_slots: clear.last_slot(),
-            ..DagUniform::default()
+            // Slabs have at most 2^32 words.
+            counts_at: (dag.words().len() + 2 * dag.leaves().len()) as u32,
+            counts_from: counts_from as u32,
+            padding_0: 0,
         };
         Ok(GpuDag {
             slabs,
@@ -81,9 +87,24 @@ impl GpuDag {
         self.slabs.constants(DAG_CONSTANTS)
     }
 
-    /// Bindings of group 1.
+    /// Bindings of group 1, for shaders that ask what casts a shadow.
     pub fn bind(&self, context: &Context, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
-        let others = [self.uniform_buffer.as_entire_binding(), self.clear.as_entire_binding()];
+        self.bind_with(context, layout, Some(&self.clear))
+    }
+
+    /// Bindings of group 1, for shaders that do not.
+    pub fn bind_voxels(&self, context: &Context, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
+        self.bind_with(context, layout, None)
+    }
+
+    fn bind_with(
+        &self,
+        context: &Context,
+        layout: &wgpu::BindGroupLayout,
+        clear: Option<&wgpu::Buffer>,
+    ) -> wgpu::BindGroup {
+        let others = [Some(&self.uniform_buffer), clear];
+        let others = others.into_iter().flatten().map(|buffer| buffer.as_entire_binding());
         let resources = self.slabs.bindings().into_iter().chain(others);
         let entries: Vec<wgpu::BindGroupEntry> = (0..)
             .zip(resources)

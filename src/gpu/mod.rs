@@ -7,6 +7,9 @@
 //! [`target`]) -> [`shadow`] (rays through the [`dag`], but for voxels that are [`clear`]; its [`twin`] on the CPU) -> [`glass`] -> [`shade`] ([`light`] on it, [`marks`] around what is selected). [`frame`] does all of a frame, [`timer`] tells what
 //! each pass took.
 //!
+//! [`query`] asks what is visible, on the GPU too: rays through the [`dag`], then the [`owners`] of the voxels they meet. [`check`] compares
+//! a frame with what `exact` sees.
+//!
 //! Shader texts are in `shaders/`, put together by [`shader`]. Structures that both sides read have the same names and fields; a
 //! test compares their layouts.
 
@@ -21,6 +24,8 @@ pub mod instance;
 pub mod light;
 pub mod marks;
 pub mod memory;
+pub mod owners;
+pub mod query;
 pub mod shade;
 pub mod shader;
 pub mod shadow;

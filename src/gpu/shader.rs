@@ -16,6 +16,12 @@ pub const GEOMETRY: &str = include_str!("../../shaders/geometry.wgsl");
 pub const DAG: &str = include_str!("../../shaders/dag.wgsl");
 /// The constants of [`DAG`].
 pub const DAG_CONSTANTS: [&str; 2] = ["DAG_SHIFT", "DAG_SLABS"];
+/// Who owns voxels.
+pub const OWNERS: &str = include_str!("../../shaders/owners.wgsl");
+/// The constants of [`OWNERS`].
+pub const OWNERS_CONSTANTS: [&str; 2] = ["OWNERS_SHIFT", "OWNERS_SLABS"];
+/// The visibility query; after [`DAG`] and [`OWNERS`].
+pub const QUERY: &str = include_str!("../../shaders/query.wgsl");
 /// The shadow pass; after [`VIEW`], [`OCTAHEDRAL`] and [`DAG`].
 pub const SHADOW: &str = include_str!("../../shaders/shadow.wgsl");
 /// What smooths it; after [`VIEW`] and [`OCTAHEDRAL`].

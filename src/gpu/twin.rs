@@ -1,4 +1,4 @@
-//! The CPU twin of `shaders/dag.wgsl`: the same steps with the same names in f32, so that both give the same voxels.
+//! The CPU twin of `shaders/dag.wgsl` and `shaders/query.wgsl`: the same steps with the same names in f32, so that both give the same voxels.
 //!
 //! Nothing where products are added decides anything once a ray is in the grid: compilers for GPUs may fuse multiplication and
 //! addition, which moves a ray's entry from outside by a rounding, and no more.
@@ -7,6 +7,7 @@ use glam::{BVec3, IVec3, UVec2, UVec3, Vec3};
 use voxsight_voxel::dag::DagRef;
 
 use super::clear::ClearBricks;
+use crate::visibility::QueryScene;
 
 const MAX_STACK: usize = 9;
 const PARALLEL: f32 = (1u128 << 100) as f32;
@@ -118,63 +119,147 @@ fn slot_of(voxel: IVec3, shift: u32) -> u32 {
     digits.x | digits.y << 2 | digits.z << 4
 }
 
-/// The first voxel on a ray that casts a shadow.
-pub fn first_hit(dag: &DagRef, clear: &ClearBricks, ray: &GridRay) -> Option<IVec3> {
-    let side = 1i32 << dag.log2();
-    let is_outside = |voxel: IVec3| voxel.cmplt(IVec3::ZERO).any() || voxel.cmpge(IVec3::splat(side)).any();
-    let (root, words, leaves) = (dag.root()?, dag.words(), dag.leaves());
-    let walk = Walk::enter(ray, side)?;
-    let mut voxel = walk.start();
-    if is_outside(voxel) {
-        return None;
+/// A ray on its way through a DAG.
+struct Traversal<'a> {
+    dag: &'a DagRef<'a>,
+    walk: Walk,
+    voxel: IVec3,
+    height: u32,
+    leaf: u64,
+    nodes: [u32; MAX_STACK],
+}
+
+impl<'a> Traversal<'a> {
+    fn begin(dag: &'a DagRef<'a>, ray: &GridRay) -> Option<Self> {
+        let root = dag.root()?;
+        let walk = Walk::enter(ray, 1 << dag.log2())?;
+        let mut nodes = [0; MAX_STACK];
+        nodes[dag.height() as usize] = root;
+        let voxel = walk.start();
+        let traversal = Traversal { dag, walk, voxel, height: dag.height(), leaf: 0, nodes };
+        (!traversal.is_outside()).then_some(traversal)
     }
-    let mut nodes = [0; MAX_STACK];
-    let mut height = dag.height();
-    nodes[height as usize] = root;
-    let mut leaf = 0u64;
-    loop {
-        let is_occupied = loop {
-            let bit = slot_of(voxel, 2 * height);
-            if height == 0 {
-                break leaf >> bit & 1 == 1;
+
+    fn is_outside(&self) -> bool {
+        let side = IVec3::splat(1 << self.dag.log2());
+        self.voxel.cmplt(IVec3::ZERO).any() || self.voxel.cmpge(side).any()
+    }
+
+    fn descend(&mut self) -> bool {
+        let (words, leaves) = (self.dag.words(), self.dag.leaves());
+        loop {
+            let bit = slot_of(self.voxel, 2 * self.height);
+            if self.height == 0 {
+                return self.leaf >> bit & 1 == 1;
             }
-            let node = nodes[height as usize] as usize;
+            let node = self.nodes[self.height as usize] as usize;
             let mask = u64::from(words[node]) | u64::from(words[node + 1]) << 32;
             if mask >> bit & 1 == 0 {
-                break false;
+                return false;
             }
             let child = words[node + 2 + (mask & ((1 << bit) - 1)).count_ones() as usize];
-            height -= 1;
-            if height > 0 {
-                nodes[height as usize] = child;
+            self.height -= 1;
+            if self.height > 0 {
+                self.nodes[self.height as usize] = child;
             } else {
-                leaf = leaves[child as usize];
+                self.leaf = leaves[child as usize];
             }
-        };
-        if is_occupied && !clear.is_clear(voxel) {
-            return Some(voxel);
         }
-        let size = 1i32 << (2 * height);
-        let low = voxel & IVec3::splat(-size);
-        let exits = walk.at_planes(IVec3::select(walk.rises, low + size, low));
+    }
+
+    fn advance(&mut self) -> bool {
+        let size = 1i32 << (2 * self.height);
+        let before = self.voxel;
+        let low = before & IVec3::splat(-size);
+        let exits = self.walk.at_planes(IVec3::select(self.walk.rises, low + size, low));
         let t = exits.min_element();
-        if t > walk.t_end {
-            return None;
+        if t > self.walk.t_end {
+            return false;
         }
-        let before = voxel;
         for axis in 0..3 {
             if exits[axis] <= t {
-                voxel[axis] = if walk.rises.test(axis) { low[axis] + size } else { low[axis] - 1 };
+                let rises = self.walk.rises.test(axis);
+                self.voxel[axis] = if rises { low[axis] + size } else { low[axis] - 1 };
             } else if size > 1 {
-                voxel[axis] = walk.coordinate_after(axis, t, before[axis], low[axis], size);
+                self.voxel[axis] = self.walk.coordinate_after(axis, t, before[axis], low[axis], size);
             }
         }
-        if is_outside(voxel) {
+        if self.is_outside() {
+            return false;
+        }
+        let changed = before ^ self.voxel;
+        let differ = (changed.x | changed.y | changed.z) as u32;
+        self.height = self.height.max((31 - differ.leading_zeros()) / 2);
+        true
+    }
+}
+
+/// The first voxel on a ray that casts a shadow.
+pub fn first_hit(dag: &DagRef, clear: &ClearBricks, ray: &GridRay) -> Option<IVec3> {
+    let mut traversal = Traversal::begin(dag, ray)?;
+    loop {
+        if traversal.descend() && !clear.is_clear(traversal.voxel) {
+            return Some(traversal.voxel);
+        }
+        if !traversal.advance() {
             return None;
         }
-        let differ = ((before.x ^ voxel.x) | (before.y ^ voxel.y) | (before.z ^ voxel.z)) as u32;
-        height = height.max((31 - differ.leading_zeros()) / 2);
     }
+}
+
+/// What a query's rays meet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tally {
+    /// Of each drawable.
+    pub samples: Vec<u32>,
+    /// Likewise: an owner of a voxel that a ray came to.
+    pub seen: Vec<bool>,
+    /// Rays that met any.
+    pub hits: u32,
+}
+
+/// Transparent drawables that a ray counts once each; from then on each time that it meets one.
+const MOST_PASSED: usize = 16;
+
+/// The query `voxel` over a list of rays: `count` of `shaders/query.wgsl`.
+pub fn count(scene: &QueryScene, rays: &[GridRay]) -> Tally {
+    let drawables = scene.exact.drawable_count() as usize;
+    let mut tally = Tally { samples: vec![0; drawables], seen: vec![false; drawables], hits: 0 };
+    for ray in rays {
+        let Some(mut traversal) = Traversal::begin(&scene.dag, ray) else { continue };
+        let mut passed = Vec::new();
+        let mut has_met = false;
+        loop {
+            let mut opaque = None;
+            if traversal.descend() {
+                // By its place, not by its path: nothing is shared with the shader's ordinals.
+                let brick = scene.dag.brick_at(traversal.voxel.to_array());
+                let owners = brick.map(|(ordinal, mask)| scene.owners.of_brick(ordinal, mask));
+                let owners = owners.into_iter().flat_map(|owners| owners.of_voxel(bit_of(traversal.voxel)));
+                for owner in owners.filter(|&owner| !scene.filter.is_hidden(owner)) {
+                    has_met = true;
+                    tally.seen[owner as usize] = true;
+                    if !scene.exact.is_transparent(owner) {
+                        opaque = opaque.or(Some(owner));
+                    } else if !passed.contains(&owner) {
+                        tally.samples[owner as usize] += 1;
+                        if passed.len() < MOST_PASSED {
+                            passed.push(owner);
+                        }
+                    }
+                }
+            }
+            if let Some(owner) = opaque {
+                tally.samples[owner as usize] += 1;
+                break;
+            }
+            if !traversal.advance() {
+                break;
+            }
+        }
+        tally.hits += u32::from(has_met);
+    }
+    tally
 }
 
 /// Where a brick's key stands in a table of `slots` slots, a power of two, if it is free; `hash_of` of the shader.

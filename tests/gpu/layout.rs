@@ -4,6 +4,8 @@ use naga::TypeInner;
 use voxsight::gpu::dag::DagUniform;
 use voxsight::gpu::instance::{ATTRIBUTES, Instance};
 use voxsight::gpu::light::LightUniform;
+use voxsight::gpu::owners::OwnersUniform;
+use voxsight::gpu::query::{ListedRay, QueryUniform};
 use voxsight::gpu::shader;
 use voxsight::gpu::shadow::{FilterUniform, ShadowUniform};
 use voxsight::gpu::view::ViewUniform;
@@ -70,11 +72,17 @@ fn lights_dags_and_shadows_lie_in_memory_as_the_shaders_read_them() {
     let light = ours!(LightUniform: up key sun fill across sky sun_reflected has_shadows
         has_glass padding_0 padding_1 padding_2);
     assert_eq!(members(&[shader::LIGHT], "Light"), light);
-    let dag = ours!(DagUniform: root height side leaves_at clear_slots padding_0 padding_1 padding_2);
+    let dag = ours!(DagUniform: root height side leaves_at clear_slots counts_at counts_from padding_0);
     assert_eq!(members(&[shader::DAG], "Dag"), dag);
     let shadow = ours!(ShadowUniform: eye_voxel voxels_per_unit eye_fraction first_sample sun sun_cap samples
         has_sun has_sky reach);
     assert_eq!(members(&[shader::VIEW, shader::OCTAHEDRAL, shader::DAG, shader::SHADOW], "Shadow"), shadow);
     let filter = ours!(FilterUniform: samples radius has_sun has_sky);
     assert_eq!(members(&[shader::VIEW, shader::OCTAHEDRAL, shader::FILTER], "Filter"), filter);
+    let texts = [shader::DAG, shader::OWNERS, shader::QUERY];
+    let owners = ours!(OwnersUniform: pages directory_at padding_0 padding_1);
+    assert_eq!(members(&texts, "Owners"), owners);
+    let ray = ours!(ListedRay: base t_end fraction padding_0 direction padding_1);
+    assert_eq!(members(&texts, "ListedRay"), ray);
+    assert_eq!(members(&texts, "Query"), ours!(QueryUniform: rays row drawables padding_0));
 }

@@ -5,9 +5,13 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod command;
+#[path = "../common/command.rs"]
+mod command_line;
 mod decode;
 mod layout;
 mod pictures;
+mod queries;
 mod rays;
 mod shadows;
 mod walks;

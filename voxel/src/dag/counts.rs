@@ -43,6 +43,11 @@ impl<'a> Counts<'a> {
         Counts { low, high, low_from, high_from }
     }
 
+    /// Low halves, and the first word that has one.
+    pub fn low(&self) -> (usize, &'a [u32]) {
+        (self.low_from, self.low)
+    }
+
     /// The count beside a word of a node of this height, at least 2.
     #[inline]
     pub fn at(&self, height: u32, word: usize) -> u64 {

@@ -106,6 +106,12 @@ impl DagRef<'_> {
         self.words
     }
 
+    /// Low halves of the brick counts beside the words (see [`node`]), and the first word that has one. High halves are 0 as long
+    /// as there are fewer than 2^32 bricks.
+    pub fn low_counts(&self) -> (usize, &[u32]) {
+        self.counts.low()
+    }
+
     /// Its leaf bricks.
     pub fn leaves(&self) -> &[u64] {
         self.leaves

@@ -103,6 +103,11 @@ impl<'a> OwnersRef<'a> {
         OwnersRef { directory, pages, index }
     }
 
+    /// First ordinal and first word of each page; words of all pages: for those who read them elsewhere.
+    pub fn arrays(&self) -> (&'a [[u64; 2]], &'a [u64]) {
+        (self.directory, self.pages)
+    }
+
     /// Owners of the brick with this ordinal, which must be below the brick count, and this mask of occupied voxels
     /// ([`crate::dag::DagRef::brick_at`] gives both).
     #[inline]
