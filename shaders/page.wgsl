@@ -21,7 +21,7 @@ struct Instance {
     // Below a step; added after `base`.
     @location(4) fraction: vec3f,
     @location(5) translation: vec3f,
-    // Words of the first vertex and of the first index in the pool; 0, 1, 2 for indices of 1, 2, 4 bytes; the drawable.
+    // Words of the first vertex and of the first index in the pool; bits of an index; the drawable.
     @location(6) page: vec4u,
     // sRGB, 8 bits each, red lowest.
     @location(7) colour: u32,
@@ -55,12 +55,14 @@ fn quantized(instance: ptr<function, Instance>, vertex: u32) -> vec3i {
 
 // One of the indices of a page.
 fn corner_index(instance: ptr<function, Instance>, number: u32) -> u32 {
-    let log2 = (*instance).page.z;
-    let byte = number << log2;
-    let word = pool_word((*instance).page.y + (byte >> 2u));
-    // A shift by 32 is undefined: whole words take none.
-    let mask = select((1u << (8u << min(log2, 1u))) - 1u, 0xffffffffu, log2 == 2u);
-    return (word >> (8u * (byte & 3u))) & mask;
+    let bits = (*instance).page.z;
+    let word = (*instance).page.y + ((number * bits) >> 5u);
+    let shift = (number * bits) & 31u;
+    var index = pool_word(word) >> shift;
+    if shift + bits > 32u {
+        index |= pool_word(word + 1u) << (32u - shift);
+    }
+    return index & ((1u << bits) - 1u);
 }
 
 // Relative position of a vertex. Sums of steps are exact as far as f32 holds whole numbers, so that what is near the eye is as

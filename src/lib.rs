@@ -13,6 +13,8 @@
 //!   ([`render::file`]).
 //! - [`lod`] chooses how fine what is visible is drawn, under a budget; [`streaming`] keeps a memory of fixed size filled with
 //!   it.
+//! - `gpu` (a feature) draws what is resident and casts rays through the voxels there; `walkthrough` is the frame loop over all
+//!   of these: query, levels, streaming, drawing.
 //! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with. `lab`
 //!   (a feature) runs methods over many views and reports run time against error.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written

@@ -152,8 +152,8 @@ impl FrameRenderer {
         if self.targets.size != input.camera.size() {
             self.targets = Targets::new(context, input.camera.size())?;
         }
-        let camera = ViewUniform::new(input.camera, self.bounds.0, self.bounds.1);
-        let view = buffer_of(context, "view", &[camera], BufferUsages::UNIFORM);
+        let view = ViewUniform::new(input.camera, self.bounds.0, self.bounds.1);
+        let view = buffer_of(context, "view", &[view], BufferUsages::UNIFORM);
         let marks = input.marks.buffer(context);
         timer.begin();
         let mut encoder = context.device.create_command_encoder(&Default::default());
@@ -170,8 +170,7 @@ impl FrameRenderer {
                     dag,
                     grid,
                     camera: input.camera,
-                    view: camera,
-                    view_buffer: &view,
+                    view: &view,
                     lighting: input.lighting,
                     scene: input.scene,
                     settings,

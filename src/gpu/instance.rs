@@ -27,7 +27,7 @@ pub struct Instance {
     pub translation: [f32; 3],
     pub vertices_at: u32,
     pub indices_at: u32,
-    pub index_log2: u32,
+    pub index_bits: u32,
     pub drawable: u32,
     pub colour: u32,
 }
@@ -92,7 +92,7 @@ impl Instance {
         Instance {
             vertices_at,
             indices_at: vertices_at + layout.indices_at / 4,
-            index_log2: layout.index_bytes.ilog2(),
+            index_bits: layout.index_bits,
             ..self
         }
     }

@@ -11,7 +11,6 @@ use super::dag::GpuDag;
 use super::shader::{DAG, FILTER, OCTAHEDRAL, SHADOW, VIEW, module};
 use super::target::Targets;
 use super::timer::Recording;
-use super::view::ViewUniform;
 use crate::camera::CameraRays;
 use crate::render::{KeyLight, Lighting, Sky};
 
@@ -67,7 +66,8 @@ impl Default for ShadowSettings {
 /// What accumulated samples are of; of anything else they begin anew.
 #[derive(Clone, Debug, PartialEq)]
 struct Still {
-    view: ViewUniform,
+    /// In the world: what shaders know is relative to the eye, and the same wherever that is.
+    camera: CameraRays,
     lighting: Lighting,
     /// Changes with what is drawn and what casts.
     scene: u64,
@@ -94,10 +94,8 @@ pub struct ShadowInputs<'a> {
     pub grid: &'a Grid,
     /// Seen from here.
     pub camera: &'a CameraRays,
-    /// The same for shaders,
-    pub view: ViewUniform,
-    /// and there.
-    pub view_buffer: &'a Buffer,
+    /// The same for shaders: a [`super::view::ViewUniform`].
+    pub view: &'a Buffer,
     /// In this light.
     pub lighting: &'a Lighting,
     /// Another number, another scene: accumulation begins anew.
@@ -155,7 +153,7 @@ impl ShadowPass {
             self.size = targets.size;
             self.still = None;
         }
-        let still = Still { view: inputs.view, lighting: inputs.lighting.clone(), scene: inputs.scene };
+        let still = Still { camera: *inputs.camera, lighting: inputs.lighting.clone(), scene: inputs.scene };
         if self.still.as_ref() != Some(&still) {
             self.still = Some(still);
             self.samples = 0;
@@ -175,7 +173,7 @@ impl ShadowPass {
                 context,
                 &self.trace,
                 [
-                    inputs.view_buffer.as_entire_binding(),
+                    inputs.view.as_entire_binding(),
                     uniform.as_entire_binding(),
                     depth,
                     drawable,
@@ -212,7 +210,7 @@ impl ShadowPass {
             context,
             &self.smooth,
             [
-                inputs.view_buffer.as_entire_binding(),
+                inputs.view.as_entire_binding(),
                 filter.as_entire_binding(),
                 depth,
                 drawable,

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! vertices   three u16 each, packed; then up to 2 bytes, so that what follows starts at a multiple of 4
-//! indices    three a triangle, of 1, 2 or 4 bytes, as narrow as the number of vertices allows; then up to 3 bytes
+//! indices    three a triangle, as many bits each as the number of vertices needs, lowest first, in u32 words
 //! ```
 //!
 //! Little endian. Positions are decoded as [`crate::geometry::decode`] does; normals are those of the triangles. Nothing else is
@@ -22,8 +22,8 @@ pub struct PageLayout {
     pub vertices: u32,
     /// Triangles.
     pub triangles: u32,
-    /// Bytes of an index: 1, 2 or 4.
-    pub index_bytes: u32,
+    /// Bits of an index, at least 1.
+    pub index_bits: u32,
     /// Where the indices begin, bytes.
     pub indices_at: u32,
     /// All of it, bytes: a multiple of 4.
@@ -35,14 +35,11 @@ const VERTEX_BYTES: u32 = 6;
 impl PageLayout {
     /// Of so many vertices and triangles: as many as a level may have ([`crate::container::layout::MAX_LEVEL_TRIANGLES`]).
     pub fn new(vertices: u32, triangles: u32) -> Self {
-        let index_bytes = match vertices {
-            0..=0x100 => 1,
-            0x101..=0x1_0000 => 2,
-            _ => 4,
-        };
+        let index_bits = u32::BITS - vertices.saturating_sub(1).max(1).leading_zeros();
         let indices_at = (VERTEX_BYTES * vertices).next_multiple_of(4);
-        let bytes = (indices_at + 3 * triangles * index_bytes).next_multiple_of(4);
-        PageLayout { vertices, triangles, index_bytes, indices_at, bytes }
+        // At most 2^16 triangles of three 18-bit indices.
+        let bytes = indices_at + 4 * (3 * triangles * index_bits).div_ceil(32);
+        PageLayout { vertices, triangles, index_bits, indices_at, bytes }
     }
 
     /// Of a level.
@@ -57,11 +54,20 @@ pub fn encode(mesh: &LevelMesh) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(layout.bytes as usize);
     bytes.extend(mesh.vertices.iter().flatten().flat_map(|q| q.to_le_bytes()));
     bytes.resize(layout.indices_at as usize, 0);
-    let width = layout.index_bytes as usize;
-    for index in mesh.triangles.iter().flatten() {
-        bytes.extend_from_slice(&index.to_le_bytes()[..width]);
+    // Bits that are not yet a whole word.
+    let (mut word, mut used) = (0u64, 0);
+    for &index in mesh.triangles.iter().flatten() {
+        word |= u64::from(index) << used;
+        used += layout.index_bits;
+        if used >= 32 {
+            bytes.extend_from_slice(&(word as u32).to_le_bytes());
+            word >>= 32;
+            used -= 32;
+        }
     }
-    bytes.resize(layout.bytes as usize, 0);
+    if used > 0 {
+        bytes.extend_from_slice(&(word as u32).to_le_bytes());
+    }
     bytes
 }
 
@@ -76,11 +82,15 @@ pub fn decode(layout: &PageLayout, bytes: &[u8]) -> Option<LevelMesh> {
         let at = |axis: usize| number(6 * i + 2 * axis, 2).map(|q| q as u16);
         Some([at(0)?, at(1)?, at(2)?])
     };
-    let width = layout.index_bytes as usize;
-    let triangle = |i: usize| -> Option<[u32; 3]> {
-        let at = |corner: usize| number(layout.indices_at as usize + (3 * i + corner) * width, width);
-        Some([at(0)?, at(1)?, at(2)?])
+    let bits = layout.index_bits as usize;
+    let index = |i: usize| -> Option<u32> {
+        let (word, shift) = (layout.indices_at as usize + i * bits / 32 * 4, i * bits % 32);
+        let low = u64::from(number(word, 4)?);
+        let high = if shift + bits > 32 { u64::from(number(word + 4, 4)?) } else { 0 };
+        Some((((low | high << 32) >> shift) & ((1 << bits) - 1)) as u32)
     };
+    let triangle =
+        |i: usize| -> Option<[u32; 3]> { Some([index(3 * i)?, index(3 * i + 1)?, index(3 * i + 2)?]) };
     Some(LevelMesh {
         vertices: (0..layout.vertices as usize).map(vertex).collect::<Option<_>>()?,
         triangles: (0..layout.triangles as usize).map(triangle).collect::<Option<_>>()?,
@@ -110,9 +120,17 @@ mod tests {
 
     #[test]
     fn pages_hold_the_mesh_and_no_more() {
-        for (vertices, triangles) in
-            [(3u32, 1u32), (256, 5), (257, 5), (1000, 2001), (65_536, 3), (65_537, 2), (70_000, 65_536)]
-        {
+        for (vertices, triangles) in [
+            (1u32, 1u32),
+            (2, 3),
+            (3, 1),
+            (256, 5),
+            (257, 5),
+            (1000, 2001),
+            (65_536, 3),
+            (65_537, 2),
+            (70_000, 65_536),
+        ] {
             let mut random = oorandom::Rand64::new(u128::from(vertices));
             let mesh = LevelMesh {
                 vertices: (0..vertices).map(|_| [0; 3].map(|_: i32| random.rand_u64() as u16)).collect(),
@@ -124,8 +142,9 @@ mod tests {
             let bytes = encode(&mesh);
             assert_eq!(bytes.len() as u32, layout.bytes);
             assert_eq!(decode(&layout, &bytes), Some(mesh));
-            let needed = 6 * vertices + 3 * triangles * layout.index_bytes;
+            let needed = 6 * vertices + (3 * triangles * layout.index_bits).div_ceil(8);
             assert!(layout.bytes < needed + 8 && layout.bytes.is_multiple_of(4));
+            assert!(1 << layout.index_bits >= vertices && (1 << layout.index_bits) / 2 < vertices.max(2));
             assert_eq!(decode(&layout, &bytes[..bytes.len() - 4]), None);
         }
     }

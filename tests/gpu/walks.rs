@@ -231,4 +231,17 @@ fn hidden_parts_vanish_with_their_shadows_and_marks_show() {
     let darker = (0..hidden.len()).filter(|&i| same(i) && hidden[i][0] < shown[i][0] - 0.5).count();
     println!("{lighter} pixels lighter, {darker} darker without drawable {largest}");
     assert!(darker == 0 && lighter > 0, "{lighter} {darker}");
+    // A camera that moves sideways sees other shadows, though it looks the same way.
+    let mut gathered = 0;
+    for _ in 0..40 {
+        walk.frame(&camera, false, None, &look).unwrap();
+        gathered = walk.renderer().shadow_samples();
+        // Not in every frame: it begins anew where more is found.
+        if gathered > 4 {
+            break;
+        }
+    }
+    assert!(gathered > 4, "a still camera gathers nothing");
+    walk.frame(&above(&scene, 0.1, 1), false, None, &look).unwrap();
+    assert_eq!(walk.renderer().shadow_samples(), 4);
 }
