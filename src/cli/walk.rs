@@ -242,14 +242,15 @@ impl Run<'_> {
         }
         table.push('\n');
         progress.stage("walk", frames.len() as u64, "frames");
-        for number in frames.clone() {
-            if progress.is_cancelled() {
-                break;
-            }
+        let mut frame = |number: usize| -> Result<(), Failure> {
             let view = &self.views[number];
             let is_cut = view.starts_anew || number == frames.start;
             let record = walk.frame(&view.camera, is_cut, self.later(number), &look)?;
             let checked = self.check(walk, context, &view.camera, progress)?;
+            if self.flags.check && checked.is_none() {
+                // Stopped amid it.
+                return Ok(());
+            }
             table += &csv_line(&record);
             if let Some(Checked { difference, .. }) = &checked {
                 table += &format!(
@@ -263,10 +264,14 @@ impl Run<'_> {
                 self.write_picture(walk, context, view, &frame_name(output, number, self.views.len()))?;
             }
             progress.advance(1);
-        }
+            Ok(())
+        };
+        let done = frames.clone().take_while(|_| !progress.is_cancelled()).try_for_each(&mut frame);
+        // What was measured is kept, whatever came then.
         if let Some(csv) = &self.flags.csv {
             write_whole(csv, table.as_bytes())?;
         }
+        done?;
         if progress.is_cancelled() {
             return Err(format!("stopped after {} of {} frames", summary.frames(), frames.len()).into());
         }
@@ -350,6 +355,9 @@ fn print_summary(summary: &Summary, flags: &Walk) -> Result<(), Failure> {
         summary.missing,
         summary.missing_late
     )?;
+    if summary.failed_pages > 0 {
+        print_out!("{} levels could not be loaded: `voxsight verify` tells more", summary.failed_pages)?;
+    }
     if let Some(check) = &summary.check {
         print_out!(
             "against exact: {:.4} % of the pixels differ (worst frame {:.4} %), {:.4} % away from silhouettes; {} drawables of 16 pixels \

@@ -58,6 +58,7 @@ pub struct Summary {
     pub triangles_most: u64,
     pub missing: u64,
     pub missing_late: u64,
+    pub failed_pages: u32,
     pub check: Option<CheckSummary>,
     #[serde(skip)]
     records: Vec<FrameRecord>,
@@ -85,6 +86,7 @@ impl Summary {
             triangles_most: 0,
             missing: 0,
             missing_late: 0,
+            failed_pages: 0,
             check: None,
             records: Vec::new(),
             checks: Vec::new(),
@@ -142,6 +144,7 @@ impl Summary {
         self.copies = records.iter().map(|r| u64::from(r.copies)).sum();
         self.triangles_mean = records.iter().map(|r| r.triangles).sum::<u64>() / count;
         self.triangles_most = records.iter().map(|r| r.triangles).max().unwrap_or(0);
+        self.failed_pages = records.last().map_or(0, |record| record.failed);
         self.missing = records.iter().map(|r| u64::from(r.missing)).sum();
         let mut since_cut = 0;
         let (mut shares, mut smooth_frames) = (0.0, 0u64);

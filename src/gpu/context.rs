@@ -1,6 +1,6 @@
 //! The adapter, its device, and what goes wrong with them.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use wgpu::{Adapter, Backends, Device, Features, Instance, InstanceDescriptor, Limits, PollType, Queue};
 
@@ -13,6 +13,14 @@ pub enum GpuError {
     /// No driver, or none that works.
     #[error("no GPU was found ({0}): {INSTALL}")]
     NoAdapter(String),
+    /// There are others.
+    #[error("no GPU is named \"{wanted}\"; there are {found:?}. Without any, {INSTALL}")]
+    NotNamed {
+        /// As asked for.
+        wanted: String,
+        /// Those there are.
+        found: Vec<String>,
+    },
     /// The adapter lacks what everything here is built on.
     #[error(
         "{adapter} lacks {what}, which is needed: update its driver, or choose another adapter with WGPU_ADAPTER_NAME"
@@ -32,13 +40,13 @@ pub enum GpuError {
         reason: String,
     },
     /// Something is larger than the adapter can hold.
-    #[error("{what} takes {bytes} bytes; {adapter} can hold at most {most} of it")]
+    #[error("{what}: {bytes}; {adapter} takes at most {most}")]
     TooLarge {
         /// The adapter's name.
         adapter: String,
         /// Of what.
         what: &'static str,
-        /// That many.
+        /// That many, mostly bytes: `what` tells.
         bytes: u64,
         /// At most so many.
         most: u64,
@@ -74,6 +82,7 @@ pub struct Context {
     pub has_timestamps: bool,
     most_bound: u64,
     fault: Arc<Mutex<Option<GpuError>>>,
+    lost: Arc<OnceLock<String>>,
 }
 
 impl Context {
@@ -83,12 +92,10 @@ impl Context {
     ///
     /// There is none, or it does not do.
     pub fn new(settings: &ContextSettings) -> Result<Self, GpuError> {
-        let descriptor = InstanceDescriptor {
-            backends: Backends::PRIMARY,
-            ..InstanceDescriptor::new_without_display_handle_from_env()
-        };
+        let descriptor = InstanceDescriptor::new_without_display_handle_from_env();
+        let backends = descriptor.backends;
         let instance = Instance::new(descriptor);
-        let adapter = pollster::block_on(find_adapter(&instance, settings))?;
+        let adapter = pollster::block_on(find_adapter(&instance, backends, settings))?;
         Self::with_adapter(&adapter, settings)
     }
 
@@ -108,10 +115,12 @@ impl Context {
         let fault = Arc::new(Mutex::new(None));
         let told = Arc::clone(&fault);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&told, error.to_string())));
-        let told = Arc::clone(&fault);
+        let lost = Arc::new(OnceLock::new());
+        let told = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, text| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                note(&told, format!("the device is lost: {text}"));
+                // The first reason is the one.
+                let _ = told.set(format!("the device is lost: {text}"));
             }
         });
         let limits = device.limits();
@@ -125,7 +134,36 @@ impl Context {
             device,
             queue,
             fault,
+            lost,
         })
+    }
+
+    /// Makes a buffer with these contents. A buffer that cannot be had is told by [`Context::check`], as all that fails there.
+    pub fn buffer(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: contents.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
+    }
+
+    /// Can so many bytes of something be bound at once?
+    ///
+    /// # Errors
+    ///
+    /// No.
+    pub(super) fn check_bound(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
+        let most = self.most_bound;
+        let too_large = || GpuError::TooLarge { adapter: self.name.clone(), what, bytes, most };
+        (bytes <= most).then_some(()).ok_or_else(too_large)
+    }
+
+    /// Keeps an error for [`Context::check`], where it cannot be returned.
+    pub(super) fn keep(&self, error: GpuError) {
+        self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 
     /// Bytes of one storage buffer, at most.
@@ -144,6 +182,10 @@ impl Context {
     ///
     /// The driver has reported one.
     pub fn check(&self) -> Result<(), GpuError> {
+        // A lost device is told again and again: nothing works any more.
+        if let Some(lost) = self.lost.get() {
+            return Err(GpuError::Failed(lost.clone()));
+        }
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
@@ -202,7 +244,11 @@ fn note(fault: &Mutex<Option<GpuError>>, text: String) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(GpuError::Failed(text));
 }
 
-async fn find_adapter(instance: &Instance, settings: &ContextSettings) -> Result<Adapter, GpuError> {
+async fn find_adapter(
+    instance: &Instance,
+    backends: Backends,
+    settings: &ContextSettings,
+) -> Result<Adapter, GpuError> {
     let named = settings.adapter.clone().or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
     let Some(wanted) = named.filter(|name| !name.is_empty()) else {
         let options = wgpu::RequestAdapterOptions {
@@ -211,14 +257,11 @@ async fn find_adapter(instance: &Instance, settings: &ContextSettings) -> Result
         };
         return instance.request_adapter(&options).await.map_err(|e| GpuError::NoAdapter(e.to_string()));
     };
-    let adapters = instance.enumerate_adapters(Backends::PRIMARY).await;
+    let adapters = instance.enumerate_adapters(backends).await;
     let names: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
     let is_wanted =
         |adapter: &Adapter| adapter.get_info().name.to_lowercase().contains(&wanted.to_lowercase());
-    adapters
-        .into_iter()
-        .find(is_wanted)
-        .ok_or_else(|| GpuError::NoAdapter(format!("none is named {wanted}; there are {names:?}")))
+    adapters.into_iter().find(is_wanted).ok_or(GpuError::NotNamed { wanted, found: names })
 }
 
 /// The adapter's own limits, so that nothing is refused that it can do.

@@ -1,9 +1,8 @@
-//! The voxel DAG in the GPU's memory, as `shaders/dag.wgsl` reads it: nodes and leaf masks in one space of addresses.
+//! The voxel DAG in the GPU's memory, as `shaders/dag.wgsl` reads it: nodes, leaf masks and brick counts in one space of addresses.
 
 use bytemuck::{Pod, Zeroable};
 use voxsight_voxel::dag::DagRef;
 use wgpu::BufferUsages;
-use wgpu::util::DeviceExt;
 
 use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
@@ -45,7 +44,11 @@ impl GpuDag {
             (bytemuck::cast_slice(dag.words()), bytemuck::cast_slice(dag.leaves()));
         let (counts_from, counts) = dag.low_counts();
         let counts: &[u8] = bytemuck::cast_slice(counts);
-        let slabs = Slabs::new(context, "the voxel DAG", (words.len() + leaves.len() + counts.len()) as u64)?;
+        let slabs = Slabs::new(
+            context,
+            "bytes of the voxel DAG",
+            (words.len() + leaves.len() + counts.len()) as u64,
+        )?;
         slabs.write(context, 0, words);
         slabs.write(context, words.len() as u64, leaves);
         slabs.write(context, (words.len() + leaves.len()) as u64, counts);
@@ -64,20 +67,24 @@ impl GpuDag {
         Ok(GpuDag {
             slabs,
             uniform,
-            uniform_buffer: buffer(context, "dag", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
-            clear: clear_buffer(context, clear),
+            uniform_buffer: context.buffer("dag", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
+            clear: clear_buffer(context, clear)?,
         })
     }
 
     /// Other drawables are hidden or shown.
-    pub fn set_clear(&mut self, context: &Context, clear: &ClearBricks) {
+    ///
+    /// # Errors
+    ///
+    /// More bricks than a buffer holds.
+    pub fn set_clear(&mut self, context: &Context, clear: &ClearBricks) -> Result<(), GpuError> {
+        self.clear = clear_buffer(context, clear)?;
         self.uniform.clear_slots = clear.last_slot();
-        self.uniform_buffer =
-            buffer(context, "dag", bytemuck::bytes_of(&self.uniform), BufferUsages::UNIFORM);
-        self.clear = clear_buffer(context, clear);
+        self.uniform_buffer = context.buffer("dag", bytemuck::bytes_of(&self.uniform), BufferUsages::UNIFORM);
+        Ok(())
     }
 
-    /// Bytes of nodes and leaf masks.
+    /// Bytes of nodes, leaf masks and counts.
     pub fn bytes(&self) -> u64 {
         self.slabs.bytes()
     }
@@ -118,14 +125,9 @@ impl GpuDag {
     }
 }
 
-fn clear_buffer(context: &Context, clear: &ClearBricks) -> wgpu::Buffer {
-    buffer(context, "clear bricks", bytemuck::cast_slice(&clear.contents()), BufferUsages::STORAGE)
-}
-
-fn buffer(context: &Context, label: &str, contents: &[u8], usage: BufferUsages) -> wgpu::Buffer {
-    context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents,
-        usage,
-    })
+fn clear_buffer(context: &Context, clear: &ClearBricks) -> Result<wgpu::Buffer, GpuError> {
+    let contents = clear.contents();
+    let contents = bytemuck::cast_slice(&contents);
+    context.check_bound("bytes of bricks that cast no shadow", contents.len() as u64)?;
+    Ok(context.buffer("clear bricks", contents, BufferUsages::STORAGE))
 }

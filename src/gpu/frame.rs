@@ -4,7 +4,6 @@ use glam::DVec3;
 use voxsight_voxel::dag::DagRef;
 use voxsight_voxel::grid::Grid;
 use wgpu::BufferUsages;
-use wgpu::util::DeviceExt;
 
 use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
@@ -81,7 +80,7 @@ impl FrameRenderer {
         size: (u32, u32),
     ) -> Result<Self, GpuError> {
         let memory = PagedMemory::new(context, budget)?;
-        Ok(FrameRenderer {
+        let renderer = FrameRenderer {
             geometry: GeometryPass::new(context, memory.slabs()),
             glass: GlassPass::new(context, memory.slabs()),
             voxels: None,
@@ -92,7 +91,9 @@ impl FrameRenderer {
             context: context.clone(),
             memory,
             bounds,
-        })
+        };
+        context.check()?;
+        Ok(renderer)
     }
 
     /// Makes voxels cast shadows from now on.
@@ -108,10 +109,17 @@ impl FrameRenderer {
     }
 
     /// Other drawables cast shadows.
-    pub fn set_clear(&mut self, clear: &ClearBricks) {
-        if let Some(voxels) = &mut self.voxels {
-            voxels.dag.set_clear(&self.context, clear);
-        }
+    ///
+    /// # Errors
+    ///
+    /// More bricks than a buffer holds.
+    pub fn set_clear(&mut self, clear: &ClearBricks) -> Result<(), GpuError> {
+        self.voxels.as_mut().map_or(Ok(()), |voxels| voxels.dag.set_clear(&self.context, clear))
+    }
+
+    /// Do voxels cast shadows?
+    pub fn has_voxels(&self) -> bool {
+        self.voxels.is_some()
     }
 
     /// Shares of sun and sky that reached each pixel of the last frame with shadows.
@@ -175,7 +183,7 @@ impl FrameRenderer {
                     scene: input.scene,
                     settings,
                 };
-                pass.record(&mut recording, &inputs, &self.targets).then(|| pass.reached())
+                pass.record(&mut recording, &inputs, &self.targets)?.then(|| pass.reached())
             }
             _ => None,
         };
@@ -226,9 +234,5 @@ fn buffer_of<T: bytemuck::Pod>(
     contents: &[T],
     usage: BufferUsages,
 ) -> wgpu::Buffer {
-    context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents: bytemuck::cast_slice(contents),
-        usage,
-    })
+    context.buffer(label, bytemuck::cast_slice(contents), usage)
 }

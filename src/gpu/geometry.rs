@@ -1,12 +1,11 @@
 //! The geometry pass: resident pages into depth, drawable, normal and colour.
 
-use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, RenderPipeline};
 
 use super::context::Context;
 use super::instance::{Draw, DrawList, Instance};
 use super::memory::{SLABS, Slabs};
-use super::shader::{GEOMETRY, OCTAHEDRAL, PAGE, POOL_CONSTANTS, VIEW, module};
+use super::shader::{POOL_CONSTANTS, module_of};
 use super::target::{COLOUR, DEPTH, DRAWABLE, NOBODY, NORMAL, Targets};
 use super::timer::Recording;
 
@@ -19,7 +18,7 @@ pub struct GeometryPass {
 impl GeometryPass {
     /// For pages in a memory of this kind.
     pub fn new(context: &Context, pool: &Slabs) -> Self {
-        let module = module(context, "geometry", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY]);
+        let module = module_of(context, "geometry");
         let constants = pool.constants(POOL_CONSTANTS);
         let options = wgpu::PipelineCompilationOptions {
             constants: &constants,
@@ -123,11 +122,7 @@ pub(super) fn bind_pages(
 /// All draws at once where the adapter can, or one by one.
 pub(super) fn draw_all(context: &Context, pass: &mut wgpu::RenderPass, draws: &[Draw]) {
     if context.has_indirect {
-        let arguments = context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("draws"),
-            contents: bytemuck::cast_slice(draws),
-            usage: BufferUsages::INDIRECT,
-        });
+        let arguments = context.buffer("draws", bytemuck::cast_slice(draws), BufferUsages::INDIRECT);
         pass.multi_draw_indirect(&arguments, 0, draws.len() as u32);
         return;
     }

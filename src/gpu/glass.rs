@@ -7,7 +7,7 @@ use super::geometry::{bind_pages, draw_all};
 use super::instance::{DrawList, Instance};
 use super::memory::Slabs;
 use super::shade::bind_light;
-use super::shader::{GEOMETRY, GLASS, LIGHT, OCTAHEDRAL, PAGE, POOL_CONSTANTS, VIEW, module};
+use super::shader::{POOL_CONSTANTS, module_of};
 use super::target::{DEPTH, GLASS_SUM, GLASS_THROUGH, Targets};
 use super::timer::Recording;
 
@@ -35,7 +35,7 @@ pub struct GlassInputs<'a> {
 impl GlassPass {
     /// For pages in a memory of this kind.
     pub fn new(context: &Context, pool: &Slabs) -> Self {
-        let module = module(context, "glass", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY, LIGHT, GLASS]);
+        let module = module_of(context, "glass");
         let constants = pool.constants(POOL_CONSTANTS);
         let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
         let blended = |format, src_factor, dst_factor| {

@@ -1,7 +1,6 @@
 //! What is selected or highlighted: four bits a drawable, beside the scene's own data.
 
 use wgpu::BufferUsages;
-use wgpu::util::DeviceExt;
 
 use super::context::Context;
 
@@ -37,10 +36,6 @@ impl Marks {
     pub(super) fn buffer(&self, context: &Context) -> wgpu::Buffer {
         let none = [0];
         let words: &[u32] = if self.words.is_empty() { &none } else { &self.words };
-        context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("marks"),
-            contents: bytemuck::cast_slice(words),
-            usage: BufferUsages::STORAGE,
-        })
+        context.buffer("marks", bytemuck::cast_slice(words), BufferUsages::STORAGE)
     }
 }

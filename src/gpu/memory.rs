@@ -13,7 +13,7 @@ pub const SLABS: usize = 4;
 /// Bytes are copied inside the memory through a buffer of this size.
 const BOUNCE: u64 = 1 << 20;
 
-/// A space of addresses. Shaders read it word by word (`shaders/memory.wgsl`).
+/// A space of addresses. Shaders read it word by word (`pool_word` of `shaders/page.wgsl`, and its like).
 #[derive(Debug)]
 pub struct Slabs {
     buffers: Vec<Buffer>,
@@ -128,7 +128,7 @@ impl PagedMemory {
     ///
     /// As [`Slabs::new`].
     pub fn new(context: &Context, budget: u64) -> Result<Self, GpuError> {
-        let slabs = Slabs::new(context, "the memory for geometry", budget)?;
+        let slabs = Slabs::new(context, "bytes of memory for geometry", budget)?;
         let bounce = context.device.create_buffer(&BufferDescriptor {
             label: Some("bounce"),
             size: BOUNCE,
@@ -152,7 +152,8 @@ impl PagedMemory {
     /// Records the copies that a frame asked for, in their order.
     pub fn flush(&mut self, context: &Context, encoder: &mut CommandEncoder) -> Copies {
         let mut copies = Copies { count: 0, bytes: self.staged.len() as u64 };
-        let staging = (!self.staged.is_empty()).then(|| self.staging(context));
+        let staging =
+            (!self.staged.is_empty()).then(|| context.buffer("pages", &self.staged, BufferUsages::COPY_SRC));
         for step in self.steps.drain(..) {
             match (step, &staging) {
                 (Step::Write { offset, staged, bytes }, Some(staging)) => {
@@ -184,16 +185,6 @@ impl PagedMemory {
         }
         self.staged.clear();
         copies
-    }
-
-    /// A buffer with what waits.
-    fn staging(&self, context: &Context) -> Buffer {
-        use wgpu::util::DeviceExt;
-        context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("pages"),
-            contents: &self.staged,
-            usage: BufferUsages::COPY_SRC,
-        })
     }
 }
 

@@ -3,7 +3,6 @@
 use bytemuck::{Pod, Zeroable};
 use voxsight_voxel::dag::{DagRef, OwnersRef};
 use wgpu::BufferUsages;
-use wgpu::util::DeviceExt;
 
 use super::context::{Context, GpuError};
 use super::memory::Slabs;
@@ -36,7 +35,7 @@ impl GpuOwners {
     pub fn new(context: &Context, dag: &DagRef, owners: &OwnersRef) -> Result<Self, GpuError> {
         let too_many = |bytes: u64| GpuError::TooLarge {
             adapter: context.name.clone(),
-            what: "the number of bricks, or the words of their owners,",
+            what: "bricks, or words of their owners",
             bytes,
             most: u32::MAX.into(),
         };
@@ -50,16 +49,13 @@ impl GpuOwners {
             directory.iter().map(|&[ordinal, word]| [ordinal as u32, 2 * word as u32]).collect();
         let (pages, directory): (&[u8], &[u8]) =
             (bytemuck::cast_slice(pages), bytemuck::cast_slice(&directory));
-        let slabs = Slabs::new(context, "the owners of voxels", (pages.len() + directory.len()) as u64)?;
+        let slabs =
+            Slabs::new(context, "bytes of the owners of voxels", (pages.len() + directory.len()) as u64)?;
         slabs.write(context, 0, pages);
         slabs.write(context, pages.len() as u64, directory);
         let uniform =
             OwnersUniform { pages: (directory.len() / 8) as u32, directory_at, ..OwnersUniform::default() };
-        let uniform = context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("owners"),
-            contents: bytemuck::bytes_of(&uniform),
-            usage: BufferUsages::UNIFORM,
-        });
+        let uniform = context.buffer("owners", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
         Ok(GpuOwners { slabs, uniform })
     }
 

@@ -5,14 +5,13 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use voxsight_voxel::grid::Grid;
-use wgpu::util::DeviceExt;
 use wgpu::{BindGroupEntry, Buffer, BufferUsages, ComputePipeline, PollType};
 
 use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
 use super::dag::GpuDag;
 use super::owners::GpuOwners;
-use super::shader::{DAG, OWNERS, QUERY, module};
+use super::shader::module_of;
 use super::twin::{GridRay, Tally};
 use crate::camera::CameraRays;
 use crate::progress::Progress;
@@ -96,8 +95,8 @@ impl GpuQuery {
     /// The GPU cannot hold its voxels and owners.
     pub fn new(context: &Context, scene: &QueryScene, settings: QuerySettings) -> Result<Self, GpuError> {
         let bound = context.device.limits().max_storage_buffers_per_shader_stage;
-        if bound < 12 {
-            let what = format!("12 storage buffers a shader (it has {bound})");
+        if bound < 11 {
+            let what = format!("11 storage buffers a shader (it has {bound})");
             return Err(GpuError::Lacks { adapter: context.name.clone(), what });
         }
         let dag = GpuDag::new(context, &scene.dag, &ClearBricks::default())?;
@@ -106,7 +105,7 @@ impl GpuQuery {
         let pipeline = context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("query"),
             layout: None,
-            module: &module(context, "query", &[DAG, OWNERS, QUERY]),
+            module: &module_of(context, "query"),
             entry_point: Some("count"),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants: &constants,
@@ -143,14 +142,7 @@ impl GpuQuery {
     pub fn ask(&self, scene: &QueryScene, rays: &[GridRay], count: u64) -> Result<Pending, GpuError> {
         let GpuQuery { context, pipeline, .. } = self;
         let drawables = scene.exact.drawable_count();
-        let init = |label, contents: &[u8], usage| {
-            context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage,
-            })
-        };
-        let kinds = init("kinds", bytemuck::cast_slice(&kinds(scene)), BufferUsages::STORAGE);
+        let kinds = context.buffer("kinds", bytemuck::cast_slice(&kinds(scene)), BufferUsages::STORAGE);
         let size = 4 * (u64::from(drawables) + u64::from(drawables.div_ceil(32)) + 1);
         let buffer = |label, usage| {
             context.device.create_buffer(&wgpu::BufferDescriptor {
@@ -168,10 +160,10 @@ impl GpuQuery {
         let mut encoder = context.device.create_command_encoder(&Default::default());
         for rays in rays.chunks((context.most_bound() as usize / size_of::<ListedRay>()).max(1)) {
             let listed: Vec<ListedRay> = rays.iter().map(listed).collect();
-            let list = init("rays", bytemuck::cast_slice(&listed), BufferUsages::STORAGE);
+            let list = context.buffer("rays", bytemuck::cast_slice(&listed), BufferUsages::STORAGE);
             let uniform =
                 QueryUniform { rays: listed.len() as u32, row: ROW * GROUP, drawables, padding_0: 0 };
-            let uniform = init("query", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
+            let uniform = context.buffer("query", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
             let resources = [&list, &kinds, &tally, &uniform].map(|buffer| buffer.as_entire_binding());
             let entries: Vec<BindGroupEntry> = (0..)
                 .zip(resources)
@@ -211,9 +203,8 @@ impl GpuQuery {
         self.context.check()?;
         match pending.mapped.try_recv() {
             Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => Err(GpuError::Failed("an answer was fetched twice".into())),
-            Ok(Err(error)) => Err(GpuError::Failed(error.to_string())),
-            Ok(Ok(())) => pending.answer().map(Some),
+            Err(TryRecvError::Disconnected) => Err(fetched_twice()),
+            Ok(mapped) => pending.answer(mapped).map(Some),
         }
     }
 
@@ -224,12 +215,14 @@ impl GpuQuery {
     /// The driver reports one.
     pub fn wait(&self, pending: &Pending) -> Result<VisibleSet, GpuError> {
         self.context.wait()?;
-        self.poll(pending)?.ok_or_else(|| GpuError::Failed("the device is idle, and no answer came".into()))
+        // Another thread's poll may be about to tell it.
+        pending.answer(pending.mapped.recv().map_err(|_| fetched_twice())?)
     }
 }
 
 impl Pending {
-    fn answer(&self) -> Result<VisibleSet, GpuError> {
+    fn answer(&self, mapped: Result<(), wgpu::BufferAsyncError>) -> Result<VisibleSet, GpuError> {
+        mapped.map_err(|error| GpuError::Failed(error.to_string()))?;
         let bytes = self.staging.get_mapped_range(..).map_err(|e| GpuError::Failed(e.to_string()))?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
         drop(bytes);
@@ -243,6 +236,10 @@ impl Pending {
             visible: tally.seen,
         })
     }
+}
+
+fn fetched_twice() -> GpuError {
+    GpuError::Failed("an answer was fetched twice".into())
 }
 
 /// What the shader's words say.
@@ -279,7 +276,7 @@ impl Culling for GpuQuery {
         "gpu-voxel".to_owned()
     }
 
-    /// `None` also where the GPU has failed: [`Context::check`] tells what was wrong.
+    /// `None` also where the GPU has failed: [`Context::check`] tells what was wrong then.
     fn frame(
         &mut self,
         scene: &QueryScene,
@@ -291,8 +288,9 @@ impl Culling for GpuQuery {
         if progress.is_cancelled() {
             return None;
         }
-        let pending = timed(&mut stages, "send", || self.ask(scene, &rays, count)).ok()?;
-        let found = timed(&mut stages, "rays", || self.wait(&pending)).ok()?;
+        let keep = |error: GpuError| self.context.keep(error);
+        let pending = timed(&mut stages, "send", || self.ask(scene, &rays, count)).map_err(keep).ok()?;
+        let found = timed(&mut stages, "rays", || self.wait(&pending)).map_err(keep).ok()?;
         Some(CulledFrame { found, stages })
     }
 }

@@ -3,7 +3,7 @@
 use wgpu::{BindGroupEntry, BindingResource, Buffer, RenderPipeline};
 
 use super::context::Context;
-use super::shader::{LIGHT, OCTAHEDRAL, SHADE, VIEW, module};
+use super::shader::module_of;
 use super::target::{PICTURE, Targets};
 use super::timer::Recording;
 
@@ -29,7 +29,7 @@ pub struct ShadeInputs<'a> {
 impl ShadePass {
     /// Made once.
     pub fn new(context: &Context) -> Self {
-        let module = module(context, "shade", &[OCTAHEDRAL, VIEW, LIGHT, SHADE]);
+        let module = module_of(context, "shade");
         let pipeline = context.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("shade"),
             layout: None,

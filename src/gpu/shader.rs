@@ -40,3 +40,19 @@ pub fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderMod
         source: wgpu::ShaderSource::Wgsl(texts.concat().into()),
     })
 }
+
+/// The texts of every pipeline, by name.
+pub const PIPELINES: [(&str, &[&str]); 6] = [
+    ("geometry", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY]),
+    ("glass", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY, LIGHT, GLASS]),
+    ("shade", &[OCTAHEDRAL, VIEW, LIGHT, SHADE]),
+    ("shadow", &[VIEW, OCTAHEDRAL, DAG, SHADOW]),
+    ("filter", &[VIEW, OCTAHEDRAL, FILTER]),
+    ("query", &[DAG, OWNERS, QUERY]),
+];
+
+/// The module of one of [`PIPELINES`].
+pub(super) fn module_of(context: &Context, name: &str) -> wgpu::ShaderModule {
+    let texts = PIPELINES.iter().find(|(label, _)| *label == name).map_or(&[][..], |(_, texts)| texts);
+    module(context, name, texts)
+}

@@ -3,12 +3,11 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use voxsight_voxel::grid::Grid;
-use wgpu::util::DeviceExt;
 use wgpu::{BindGroupEntry, BindingResource, Buffer, BufferUsages, ComputePipeline};
 
-use super::context::Context;
+use super::context::{Context, GpuError};
 use super::dag::GpuDag;
-use super::shader::{DAG, FILTER, OCTAHEDRAL, SHADOW, VIEW, module};
+use super::shader::module_of;
 use super::target::Targets;
 use super::timer::Recording;
 use crate::camera::CameraRays;
@@ -108,19 +107,19 @@ impl ShadowPass {
     /// For DAGs in a memory of this kind.
     pub fn new(context: &Context, dag: &GpuDag) -> Self {
         let constants = dag.constants();
-        let pipeline = |label, texts: &[&str], entry_point, constants| {
+        let pipeline = |label, entry_point, constants| {
             context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(label),
                 layout: None,
-                module: &module(context, label, texts),
+                module: &module_of(context, label),
                 entry_point: Some(entry_point),
                 compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
                 cache: None,
             })
         };
         ShadowPass {
-            trace: pipeline("shadow", &[VIEW, OCTAHEDRAL, DAG, SHADOW], "trace", &constants),
-            smooth: pipeline("filter", &[VIEW, OCTAHEDRAL, FILTER], "smooth_shares", &[]),
+            trace: pipeline("shadow", "trace", &constants),
+            smooth: pipeline("filter", "smooth_shares", &[]),
             free: storage(context, "free", 1),
             reached: storage(context, "reached", 1),
             size: (0, 0),
@@ -140,14 +139,24 @@ impl ShadowPass {
     }
 
     /// Casts the rays of a frame. False where no light casts shadows: then nothing is recorded.
-    pub fn record(&mut self, recording: &mut Recording, inputs: &ShadowInputs, targets: &Targets) -> bool {
+    ///
+    /// # Errors
+    ///
+    /// A picture of more pixels than a buffer can tell of.
+    pub fn record(
+        &mut self,
+        recording: &mut Recording,
+        inputs: &ShadowInputs,
+        targets: &Targets,
+    ) -> Result<bool, GpuError> {
         let Recording { context, encoder, timer } = recording;
         let mut uniform = shadow_uniform(inputs);
         if uniform.has_sun == 0 && uniform.has_sky == 0 {
-            return false;
+            return Ok(false);
         }
         if self.size != targets.size {
             let pixels = u64::from(targets.size.0) * u64::from(targets.size.1);
+            context.check_bound("bytes of shadows, 8 a pixel", 8 * pixels)?;
             self.free = storage(context, "free", pixels);
             self.reached = storage(context, "reached", pixels);
             self.size = targets.size;
@@ -226,7 +235,7 @@ impl ShadowPass {
         pass.set_pipeline(&self.smooth);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(groups.0, groups.1, 1);
-        true
+        Ok(true)
     }
 }
 
@@ -272,11 +281,7 @@ fn storage(context: &Context, label: &str, pixels: u64) -> Buffer {
 }
 
 fn uniform_buffer(context: &Context, label: &str, contents: &[u8]) -> Buffer {
-    context.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents,
-        usage: BufferUsages::UNIFORM,
-    })
+    context.buffer(label, contents, BufferUsages::UNIFORM)
 }
 
 fn bind<const N: usize>(

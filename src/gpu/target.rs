@@ -117,7 +117,7 @@ impl Targets {
         if size.0.max(size.1) > most {
             return Err(GpuError::TooLarge {
                 adapter: context.name.clone(),
-                what: "a side of the picture, in pixels,",
+                what: "pixels of a side of the picture",
                 bytes: size.0.max(size.1).into(),
                 most: most.into(),
             });

@@ -22,7 +22,7 @@ pub use page::{ContainerPages, PageLayout};
 pub use predict::predicted;
 
 use crate::lod::{Choice, System};
-use pool::{Move, Pool, padded};
+use pool::{ALIGNMENT, Move, Pool, padded};
 use target::{Chosen, Wish, target};
 
 /// Memory that pages are written into.
@@ -50,7 +50,7 @@ impl Memory for Vec<u8> {
 pub struct StreamSettings {
     /// Bytes of the memory: never more are used.
     pub budget: u64,
-    /// Bytes written in one frame, at most. Moves inside the memory count as well, but the last move of a frame may exceed it.
+    /// Bytes written in one frame, at most, in whole [`pool::ALIGNMENT`]s (fewer than one are for plain memory). Moves inside the memory count as well, but the last move of a frame may exceed it.
     pub upload: u64,
     /// Share of the budget that the coarsest levels of what is in the frustum, but not visible, may take before finer levels of
     /// what is visible.
@@ -318,7 +318,11 @@ impl Streamer {
         memory: &mut dyn Memory,
         report: &mut FrameReport,
     ) {
-        let mut left = self.settings.upload;
+        // Pieces of pages are as long as copies on GPUs may be.
+        let mut left = match self.settings.upload {
+            upload if upload < ALIGNMENT => upload,
+            upload => upload / ALIGNMENT * ALIGNMENT,
+        };
         let mut evictable: Option<Evictable> = None;
         for wish in wishes {
             if left == 0 {

@@ -118,9 +118,9 @@ pub enum WalkError {
     /// The thread that asks what is visible.
     #[error(transparent)]
     Worker(#[from] WorkerError),
-    /// It has died.
-    #[error("the thread that asks what is visible has stopped")]
-    WorkerDied,
+    /// What is cut away is not drawn cut yet.
+    #[error("clip planes are not drawn on the GPU yet: use queries and the CPU's pictures")]
+    ClipPlanes,
     /// The threads that load pages.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] std::io::Error),
@@ -213,11 +213,21 @@ impl Walkthrough {
     }
 
     /// Leaves out what a filter hides, from the next answer on.
-    pub fn set_filter(&mut self, filter: Filter) {
+    ///
+    /// # Errors
+    ///
+    /// A filter with clip planes: drawing does not cut yet. The GPU cannot hold what it takes.
+    pub fn set_filter(&mut self, filter: Filter) -> Result<(), WalkError> {
+        if !filter.clip_planes().is_empty() {
+            return Err(WalkError::ClipPlanes);
+        }
         self.filter = Arc::new(filter);
-        let clear = self.clear_bricks();
-        self.renderer.set_clear(&clear);
         self.scene_number += 1;
+        if self.renderer.has_voxels() {
+            let clear = self.clear_bricks();
+            self.renderer.set_clear(&clear)?;
+        }
+        Ok(())
     }
 
     fn clear_bricks(&self) -> ClearBricks {
@@ -313,14 +323,15 @@ impl Walkthrough {
     /// Takes the newest answer. Is there one about a frame?
     fn take_answers(&mut self) -> Result<bool, WalkError> {
         let mut is_new = false;
-        let answers: Vec<Answer> = self.worker.answers().collect();
-        answers.into_iter().for_each(|answer| is_new |= self.take(answer));
+        while let Some(answer) = self.worker.answer()? {
+            is_new |= self.take(answer);
+        }
         let is_own = |answer: &Option<Answer>, frame| answer.as_ref().is_some_and(|a| a.frame == frame);
         // The first frame has nothing else to draw either.
         while self.answer.is_none()
             || (self.settings.latency == Latency::None && !is_own(&self.answer, self.frame))
         {
-            let answer = self.worker.wait().ok_or(WalkError::WorkerDied)?;
+            let answer = self.worker.wait()?;
             is_new |= self.take(answer);
         }
         Ok(is_new)

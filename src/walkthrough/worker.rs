@@ -1,9 +1,11 @@
 //! The thread that asks what is visible, so that frames need not wait for it.
 
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
+
+use glam::DVec3;
 
 use crate::camera::{Camera, CameraError};
 use crate::filter::Filter;
@@ -40,7 +42,7 @@ pub struct Answer {
     pub visible: Vec<Candidate>,
     /// Samples of each of them.
     pub samples: Vec<u32>,
-    /// Drawables in the frustum, rising; none for a camera of later.
+    /// Drawables in the frustum, those that look largest first; none for a camera of later.
     pub in_frustum: Vec<u32>,
     /// How long it took, milliseconds.
     pub milliseconds: f64,
@@ -86,19 +88,34 @@ impl QueryWorker {
     pub fn ask(&self, question: Question) -> Result<(), CameraError> {
         question.camera.rays()?;
         let (desk, bell) = &*self.desk;
-        lock(desk).question = Some(question);
+        let mut desk = lock(desk);
+        // Who jumps has jumped, whatever is asked after it.
+        let has_jumped = desk.question.as_ref().is_some_and(|dropped| dropped.is_cut);
+        desk.question = Some(Question { is_cut: question.is_cut || has_jumped, ..question });
         bell.notify_one();
         Ok(())
     }
 
-    /// What was answered since it was last asked, oldest first. Does not wait.
-    pub fn answers(&self) -> impl Iterator<Item = Answer> + '_ {
-        self.answers.try_iter()
+    /// The next answer, oldest first, if there is one. Does not wait.
+    ///
+    /// # Errors
+    ///
+    /// The thread has died.
+    pub fn answer(&self) -> Result<Option<Answer>, WorkerError> {
+        match self.answers.try_recv() {
+            Ok(answer) => Ok(Some(answer)),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err(WorkerError::Died),
+        }
     }
 
-    /// Waits for the next answer; `None` when the thread has died.
-    pub fn wait(&self) -> Option<Answer> {
-        self.answers.recv().ok()
+    /// Waits for the next answer.
+    ///
+    /// # Errors
+    ///
+    /// The thread has died.
+    pub fn wait(&self) -> Result<Answer, WorkerError> {
+        self.answers.recv().map_err(|_| WorkerError::Died)
     }
 }
 
@@ -120,6 +137,9 @@ pub enum WorkerError {
     /// Settings that make no query.
     #[error(transparent)]
     Settings(#[from] CoherentError),
+    /// It has died.
+    #[error("the thread that asks what is visible has stopped")]
+    Died,
     /// The system has no more threads.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] std::io::Error),
@@ -175,7 +195,7 @@ fn answer(scene: &LoadedScene, visible: &mut CoherentQuery, question: &Question)
         is_later: false,
         samples: visible.iter().map(|one| seen.samples[one.drawable as usize]).collect(),
         visible,
-        in_frustum: (0..).zip(&in_view.visible).filter(|(_, visible)| **visible).map(|(d, _)| d).collect(),
+        in_frustum: by_size(&scene, camera.eye(), &in_view.visible),
         milliseconds: started.elapsed().as_secs_f64() * 1e3,
     })
 }
@@ -202,4 +222,16 @@ fn answer_later(
         in_frustum: Vec::new(),
         milliseconds: started.elapsed().as_secs_f64() * 1e3,
     })
+}
+
+/// Drawables of a set, those whose boxes look largest from here first.
+fn by_size(scene: &QueryScene, eye: DVec3, set: &[bool]) -> Vec<u32> {
+    let size = |drawable: u32| {
+        let (min, max) = scene.exact.drawable_box(drawable);
+        (max - min).length_squared() / eye.clamp(min, max).distance_squared(eye).max(f64::MIN_POSITIVE)
+    };
+    let members = (0..).zip(set).filter(|(_, is_member)| **is_member).map(|(drawable, _)| drawable);
+    let mut sized: Vec<(f64, u32)> = members.map(|drawable| (size(drawable), drawable)).collect();
+    sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    sized.into_iter().map(|(_, drawable)| drawable).collect()
 }

@@ -86,3 +86,14 @@ fn lights_dags_and_shadows_lie_in_memory_as_the_shaders_read_them() {
     assert_eq!(members(&texts, "ListedRay"), ray);
     assert_eq!(members(&texts, "Query"), ours!(QueryUniform: rays row drawables padding_0));
 }
+
+#[test]
+fn every_shader_is_valid_without_any_adapter() {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+    for (name, texts) in shader::PIPELINES {
+        let module = naga::front::wgsl::parse_str(&texts.concat()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let found = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+        assert!(found.is_ok(), "{name}: {found:?}");
+        assert!(!module.entry_points.is_empty(), "{name}");
+    }
+}

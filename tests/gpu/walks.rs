@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use voxsight::camera::{Camera, Projection};
+use voxsight::camera::{Camera, Plane, Projection};
 use voxsight::filter::Filter;
 use voxsight::gpu::check::{Difference, check};
 use voxsight::gpu::marks::{HIGHLIGHTED, Marks, SELECTED};
@@ -154,20 +154,20 @@ fn absurd_budgets_are_kept_and_teleports_survived() {
     let marks = Marks::default();
     let look = Look { lighting: &lighting, up: DVec3::Y, marks: &marks, shadows: None };
     for budget in [1 << 12, 1 << 16, 1 << 18] {
-        let stream = StreamSettings { budget, upload: 1 << 14, ..StreamSettings::default() };
+        let stream = StreamSettings { budget, upload: 5001, ..StreamSettings::default() };
         let lod = DensitySettings { budget: 20_000, ..DensitySettings::default() };
         let settings =
             WalkSettings { stream, lod, latency: Latency::Newest, ahead: 5.0, ..WalkSettings::default() };
         let mut walk = Walkthrough::new(Arc::clone(&scene), context, settings).unwrap();
-        let mut age = 0;
         for frame in 0..24 {
             let camera = above(&scene, if frame % 8 == 7 { -2.0 } else { 0.1 }, frame);
             let record = walk.frame(&camera, frame % 8 == 7, None, &look).unwrap();
             assert!(record.resident <= budget && record.triangles <= 20_000, "{record:?}");
-            age = age.max(record.age);
         }
-        // Every frame asked, and the newest answer was drawn: it may be late, but not by the whole walk.
-        assert!(age < 24, "{age}");
+        // Newer answers are drawn as they come.
+        let camera = above(&scene, 0.1, 3);
+        let is_fresh = (0..500).any(|_| walk.frame(&camera, false, None, &look).unwrap().age < 10);
+        assert!(is_fresh, "only old answers are drawn");
     }
 }
 
@@ -210,7 +210,7 @@ fn hidden_parts_vanish_with_their_shadows_and_marks_show() {
     assert!(changed(largest) > pixels / 2, "{} of {pixels} pixels are tinted", changed(largest));
     let mut filter = Filter::default();
     filter.set_hidden(largest, true);
-    walk.set_filter(filter.clone());
+    walk.set_filter(filter.clone()).unwrap();
     settle(&mut walk, &camera, &look);
     let after = drawables(&walk, context);
     assert!(!after.contains(&largest), "it is still drawn");
@@ -221,7 +221,7 @@ fn hidden_parts_vanish_with_their_shadows_and_marks_show() {
         bytemuck::pod_collect_to_vec(&context.read(walk.renderer().reached().unwrap()).unwrap())
     };
     let hidden = shares(&walk);
-    walk.set_filter(Filter::default());
+    walk.set_filter(Filter::default()).unwrap();
     settle(&mut walk, &camera, &look);
     let shown = shares(&walk);
     // More rays of a still camera may have found more meanwhile.
@@ -231,6 +231,9 @@ fn hidden_parts_vanish_with_their_shadows_and_marks_show() {
     let darker = (0..hidden.len()).filter(|&i| same(i) && hidden[i][0] < shown[i][0] - 0.5).count();
     println!("{lighter} pixels lighter, {darker} darker without drawable {largest}");
     assert!(darker == 0 && lighter > 0, "{lighter} {darker}");
+    let mut cutting = Filter::default();
+    cutting.clip_by(Plane { normal: DVec3::Y, point: DVec3::ZERO });
+    assert!(walk.set_filter(cutting).unwrap_err().to_string().contains("clip"));
     // A camera that moves sideways sees other shadows, though it looks the same way.
     let mut gathered = 0;
     for _ in 0..40 {
