@@ -35,7 +35,15 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, fetched: Instance) -> Seen {
     return seen;
 }
 
+// The point that a fragment shows.
+fn shown_at(position: vec4f) -> vec3f {
+    return point_at(view, position.xy, depth_of(view, position.z));
+}
+
 @fragment
 fn fragment_main(seen: Seen) -> Pixel {
+    if HAS_CLIP && is_cut(shown_at(seen.position)) {
+        discard;
+    }
     return Pixel(seen.drawable, seen.normal, unpack4x8unorm(seen.colour));
 }

@@ -6,17 +6,11 @@
 @group(0) @binding(3) var colours: texture_2d<f32>;
 // Share of the sun, share of the sky that reach a pixel; row by row; one element where nothing casts shadows.
 @group(0) @binding(4) var<storage, read> reached: array<vec2f>;
-// Marks of drawables, four bits each, eight in a word.
-@group(0) @binding(5) var<storage, read> marks: array<u32>;
 // Sum of what transparent surfaces shine with, weighted, and of their weights; share of what lies behind them that comes through.
-@group(0) @binding(6) var glass_sum: texture_2d<f32>;
-@group(0) @binding(7) var glass_through: texture_2d<f32>;
+@group(0) @binding(5) var glass_sum: texture_2d<f32>;
+@group(0) @binding(6) var glass_through: texture_2d<f32>;
 
 const NOBODY: u32 = 0xffffffffu;
-const SELECTED: u32 = 1u;
-const HIGHLIGHTED: u32 = 2u;
-const OUTLINE: vec3f = vec3f(1.0, 0.45, 0.0);
-const HIGHLIGHT: vec3f = vec3f(0.15, 0.55, 1.0);
 
 fn srgb_from_linear(linear: vec3f) -> vec3f {
     let c = clamp(linear, vec3f(0.0), vec3f(1.0));
@@ -27,13 +21,6 @@ fn srgb_from_linear(linear: vec3f) -> vec3f {
 fn sky_radiance(direction: vec3f) -> vec3f {
     let height = max(dot(normalize(direction), light.up), 0.0);
     return mix(vec3f(0.86, 0.89, 0.93), vec3f(0.42, 0.58, 0.80), sqrt(height));
-}
-
-fn mark_of(drawable: u32) -> u32 {
-    if drawable == NOBODY || (drawable >> 3u) >= arrayLength(&marks) {
-        return 0u;
-    }
-    return (marks[drawable >> 3u] >> (4u * (drawable & 7u))) & 15u;
 }
 
 // Is a pixel on the border of what is selected?
@@ -88,7 +75,7 @@ fn fragment_main(@builtin(position) position: vec4f) -> @location(0) vec4f {
         colour = mix(sum.xyz / max(sum.w, 1e-5), colour, through);
     }
     if is_outline(pixel) {
-        colour = OUTLINE;
+        colour = SELECTION;
     }
     return vec4f(srgb_from_linear(colour), 1.0);
 }

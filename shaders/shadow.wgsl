@@ -7,7 +7,7 @@
 @group(0) @binding(3) var drawables: texture_2d<u32>;
 @group(0) @binding(4) var normals: texture_2d<u32>;
 // Rays that nothing stopped, of all samples so far: towards the sun, into the sky.
-@group(0) @binding(5) var<storage, read_write> free: array<vec2u>;
+@group(0) @binding(6) var<storage, read_write> free: array<vec2u>;
 
 // `gpu::shadow::ShadowUniform`.
 struct Shadow {
@@ -61,6 +61,23 @@ fn around(axis: vec3f, lift: f32, turn: f32) -> vec3f {
     return axis * (1.0 - lift) + (side * cos(TAU * turn) + other * sin(TAU * turn)) * radius;
 }
 
+// Does anything stop a ray? It starts at `lifted`, in voxels from the eye.
+fn is_stopped(lifted: vec3f, direction: vec3f, end: f32) -> bool {
+    var start = lifted;
+    var t_end = end;
+    if HAS_CLIP {
+        let range = kept(lifted, direction, end, shadow.voxels_per_unit);
+        if range.x > range.y {
+            return false;
+        }
+        start += direction * range.x;
+        t_end = range.y - range.x;
+    }
+    start += shadow.eye_fraction;
+    let whole = floor(start);
+    return first_hit(GridRay(shadow.eye_voxel + vec3i(whole), start - whole, direction, t_end)).is_hit;
+}
+
 @compute @workgroup_size(8, 8)
 fn trace(@builtin(global_invocation_id) id: vec3u) {
     if id.x >= view.width || id.y >= view.height {
@@ -75,25 +92,21 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
     let normal = octahedral_unpack(textureLoad(normals, pixel, 0).x);
     let point = point_at(view, vec2f(id.xy) + 0.5, depth);
     let height = HEIGHT * (abs(normal.x) + abs(normal.y) + abs(normal.z));
-    let lifted = shadow.eye_fraction + (point * shadow.voxels_per_unit + normal * height);
-    let whole = floor(lifted);
-    var ray = GridRay(shadow.eye_voxel + vec3i(whole), lifted - whole, vec3f(0.0), 0.0);
+    let lifted = point * shadow.voxels_per_unit + normal * height;
     var sums = select(free[index], vec2u(0u), shadow.first_sample == 0u);
     for (var sample = shadow.first_sample; sample < shadow.first_sample + shadow.samples; sample++) {
         if shadow.has_sun != 0u {
             let u = numbers(index, 0u, sample);
-            ray.direction = around(shadow.sun, u.x * shadow.sun_cap, u.y);
-            ray.t_end = ENDLESS;
-            if dot(normal, ray.direction) > 0.0 && !first_hit(ray).is_hit {
+            let direction = around(shadow.sun, u.x * shadow.sun_cap, u.y);
+            if dot(normal, direction) > 0.0 && !is_stopped(lifted, direction, ENDLESS) {
                 sums.x++;
             }
         }
         if shadow.has_sky != 0u {
             // Evenly in cos^2.
             let u = numbers(index, 1u, sample);
-            ray.direction = around(normal, 1.0 - sqrt(1.0 - u.x), u.y);
-            ray.t_end = shadow.reach;
-            if !first_hit(ray).is_hit {
+            let direction = around(normal, 1.0 - sqrt(1.0 - u.x), u.y);
+            if !is_stopped(lifted, direction, shadow.reach) {
                 sums.y++;
             }
         }

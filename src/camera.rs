@@ -248,6 +248,18 @@ impl CameraRays {
         if self.is_parallel { self.pixel } else { self.pixel * depth }
     }
 
+    /// The same picture from an eye that is no farther before a box than that is large: parallel rays may start anywhere before
+    /// what they see. A perspective stays as it is.
+    pub fn brought_near(&self, min: DVec3, max: DVec3) -> CameraRays {
+        if !self.is_parallel {
+            return *self;
+        }
+        let nearest = DVec3::select(self.forward.cmpge(DVec3::ZERO), min, max);
+        let ahead = (nearest - self.eye).dot(self.forward) - (max - min).max_element();
+        // Not a number where the box is none.
+        if ahead > 0.0 { CameraRays { eye: self.eye + ahead * self.forward, ..*self } } else { *self }
+    }
+
     /// Are all rays parallel?
     pub fn is_parallel(&self) -> bool {
         self.is_parallel
@@ -324,6 +336,29 @@ mod tests {
             let all = rays.frustum().iter().all(|plane| plane.reaches(point, point));
             assert_eq!(all, inside, "pixel {x} {y}");
         }
+    }
+
+    #[test]
+    fn parallel_cameras_come_near_and_see_the_same() {
+        let far = Camera {
+            eye: [4e9, 2e9, 1e9],
+            target: [0.0; 3],
+            projection: Projection::Orthographic { height: 8.0 },
+            ..camera()
+        };
+        let (min, max) = (DVec3::new(-3.0, 1.0, -2.0), DVec3::new(5.0, 2.0, 4.0));
+        let far = far.rays().unwrap();
+        let near = far.brought_near(min, max);
+        assert!(near.eye().length() < 40.0, "{}", near.eye());
+        let corners =
+            (0..8).map(|i| DVec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), min, max));
+        assert!(corners.clone().all(|corner| (corner - near.eye()).dot(near.forward()) >= 0.0));
+        let (a, b) = (far.ray(30.0, 70.0), near.ray(30.0, 70.0));
+        let apart = b.origin - a.origin;
+        assert!((apart - apart.dot(a.direction) * a.direction).length() < 1e-5 && a.direction == b.direction);
+        assert_eq!(near.brought_near(min, max), near, "near enough");
+        let perspective = camera().rays().unwrap();
+        assert_eq!(perspective.brought_near(min + 1e9, max + 1e9), perspective);
     }
 
     #[test]

@@ -23,6 +23,12 @@ pub struct LoadedScene {
     filter: Filter,
 }
 
+impl AsRef<Scene> for LoadedScene {
+    fn as_ref(&self) -> &Scene {
+        &self.scene
+    }
+}
+
 impl LoadedScene {
     /// Decodes level 0 of all chunks and builds the hierarchies over them.
     ///

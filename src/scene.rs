@@ -34,6 +34,12 @@ pub struct Scene {
     drawables: Vec<Drawable>,
 }
 
+impl AsRef<Scene> for Scene {
+    fn as_ref(&self) -> &Scene {
+        self
+    }
+}
+
 impl Scene {
     /// Opens and checks a container, see [`Container::open`].
     ///
@@ -186,6 +192,11 @@ impl Scene {
     /// Placement of an object: part space to world.
     pub fn world_from_part(&self, object: u32) -> DAffine3 {
         DAffine3::from_cols_array(&self.objects()[object as usize].world_from_part)
+    }
+
+    /// The page of a drawable at a level: its index into [`Scene::levels`].
+    pub fn page_of(&self, drawable: u32, level: u32) -> u32 {
+        self.chunks()[self.drawables[drawable as usize].chunk as usize].first_level + level
     }
 
     /// The part that a chunk belongs to.

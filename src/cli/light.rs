@@ -117,6 +117,9 @@ impl LightFlags {
         if self.areas.is_some() {
             return Err(usage("--areas are not drawn on the GPU: use render"));
         }
+        if self.shadow_tolerance.is_some() {
+            return Err(usage("--shadow-tolerance is about --shadows hybrid, which the GPU does not do"));
+        }
         let is_occluded = self.sky == Some(SkyName::Occluded);
         match self.shadows {
             Some(ShadowName::Voxel) => Ok(true),

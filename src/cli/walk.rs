@@ -86,9 +86,9 @@ pub struct Walk {
     unknown_route: bool,
     #[command(flatten)]
     light: LightFlags,
-    /// With --shadows voxel: rays to each light for each pixel and frame
-    #[arg(long, default_value = "1", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
-    samples: u32,
+    /// With --shadows voxel: rays to each light for each pixel and frame [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
+    samples: Option<u32>,
     /// Compare the drawables of every frame with those that rays through the triangles find
     #[arg(long)]
     check: bool,
@@ -122,6 +122,9 @@ enum UploadName {
 impl Walk {
     pub fn run(self, progress: &TerminalProgress) -> Result<(), Failure> {
         let has_shadows = self.light.check_for_gpu()?;
+        if self.samples.is_some() && !has_shadows {
+            return Err(usage("--samples are of shadows: add --shadows voxel or --sky occluded"));
+        }
         self.check_outputs()?;
         let settings = self.settings()?;
         let path = self.path.as_deref().map(|file| read_views(file, self.size)).transpose()?;
@@ -145,7 +148,8 @@ impl Walk {
             progress.stage("load voxels", 0, "");
             walk.load_voxels()?;
         }
-        let shadows = has_shadows.then_some(ShadowSettings { samples: self.samples, smooth: true });
+        let shadows =
+            has_shadows.then_some(ShadowSettings { samples: self.samples.unwrap_or(1), smooth: true });
         let run = Run { flags: &self, scene: &scene, views: &views, lighting: &lighting, shadows };
         let summary = run.frames(frames, &mut walk, &context, progress)?;
         progress.finish();

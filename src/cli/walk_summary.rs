@@ -4,6 +4,8 @@ use serde::Serialize;
 
 use crate::gpu::Context;
 use crate::gpu::check::Difference;
+use crate::gpu::frame::PASSES;
+use crate::lab::statistics::nearest_rank;
 use crate::walkthrough::FrameRecord;
 
 /// Frames after a cut in which something may still be missing.
@@ -111,10 +113,10 @@ impl Summary {
             times.sort_by(f64::total_cmp);
             Stage {
                 name,
-                median: rank(&times, 0.5),
-                p95: rank(&times, 0.95),
-                p99: rank(&times, 0.99),
-                worst: rank(&times, 1.0),
+                median: nearest_rank(&times, 50),
+                p95: nearest_rank(&times, 95),
+                p99: nearest_rank(&times, 99),
+                worst: nearest_rank(&times, 100),
             }
         };
         let mut stages = vec![
@@ -125,7 +127,7 @@ impl Summary {
             stage("upload", &|r| r.upload_ms),
             stage("draw", &|r| r.draw_ms),
         ];
-        for name in ["geometry", "shadow", "filter", "transparent", "shade"] {
+        for name in PASSES {
             let of = |record: &FrameRecord| record.passes.iter().find(|(pass, _)| *pass == name).map(|p| p.1);
             if records.iter().any(|record| of(record).is_some()) {
                 stages.push(stage(name, &|record| of(record).unwrap_or(0.0)));
@@ -169,10 +171,4 @@ impl Summary {
             lost: self.checks.iter().map(|c| c.lost).sum(),
         });
     }
-}
-
-/// The value below which this share of sorted ones lies; 0 of none.
-fn rank(sorted: &[f64], share: f64) -> f64 {
-    let at = (share * sorted.len() as f64).ceil() as usize;
-    sorted.get(at.saturating_sub(1).min(sorted.len().saturating_sub(1))).copied().unwrap_or(0.0)
 }

@@ -23,6 +23,7 @@ use fearless_simd::Level;
 use intersect::PartRay;
 pub use packet::{LANES, TriangleRays};
 
+use crate::camera::CameraRays;
 use crate::filter::Filter;
 use crate::ray::Ray;
 
@@ -220,6 +221,11 @@ impl ExactScene {
     pub fn drawable_box(&self, drawable: u32) -> (DVec3, DVec3) {
         let Aabb { min, max } = self.boxes[drawable as usize];
         (self.centre + min.as_dvec3(), self.centre + max.as_dvec3())
+    }
+
+    /// The same view from an eye that is not far before the scene, see [`CameraRays::brought_near`].
+    pub fn brought_near(&self, camera: &CameraRays) -> CameraRays {
+        camera.brought_near(self.min, self.max)
     }
 
     /// Largest side of the scene's box, world units.

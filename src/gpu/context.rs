@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use bytemuck::Pod;
 use wgpu::{Adapter, Backends, Device, Features, Instance, InstanceDescriptor, Limits, PollType, Queue};
 
 /// What to do where no adapter is found.
@@ -139,7 +140,8 @@ impl Context {
     }
 
     /// Makes a buffer with these contents. A buffer that cannot be had is told by [`Context::check`], as all that fails there.
-    pub fn buffer(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub fn buffer<T: Pod>(&self, label: &str, contents: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let contents: &[u8] = bytemuck::cast_slice(contents);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: contents.len() as u64,
@@ -148,6 +150,26 @@ impl Context {
         });
         self.queue.write_buffer(&buffer, 0, contents);
         buffer
+    }
+
+    /// Makes a uniform buffer.
+    pub fn uniform<T: Pod>(&self, label: &str, contents: &T) -> wgpu::Buffer {
+        self.buffer(label, std::slice::from_ref(contents), wgpu::BufferUsages::UNIFORM)
+    }
+
+    /// Binds resources, numbered as they come.
+    pub fn bind<'r>(
+        &self,
+        label: &str,
+        layout: &wgpu::BindGroupLayout,
+        resources: impl IntoIterator<Item = wgpu::BindingResource<'r>>,
+    ) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        let label = Some(label);
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
     }
 
     /// Can so many bytes of something be bound at once?
@@ -182,11 +204,25 @@ impl Context {
     ///
     /// The driver has reported one.
     pub fn check(&self) -> Result<(), GpuError> {
-        // A lost device is told again and again: nothing works any more.
-        if let Some(lost) = self.lost.get() {
-            return Err(GpuError::Failed(lost.clone()));
-        }
+        self.check_alive()?;
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+    }
+
+    /// A lost device is told again and again: nothing works any more.
+    fn check_alive(&self) -> Result<(), GpuError> {
+        self.lost.get().map_or(Ok(()), |lost| Err(GpuError::Failed(lost.clone())))
+    }
+
+    /// Lets the driver tell what it has done; with [`PollType::wait_indefinitely`], waits until that is all.
+    ///
+    /// # Errors
+    ///
+    /// The driver has reported one.
+    pub(super) fn poll(&self, how: PollType) -> Result<(), GpuError> {
+        // `wgpu` panics when it waits for a lost device: where that is known, it is not asked.
+        self.check_alive()?;
+        self.device.poll(how).map_err(|error| GpuError::Failed(error.to_string()))?;
+        self.check()
     }
 
     /// Waits until all submitted work is done.
@@ -195,10 +231,7 @@ impl Context {
     ///
     /// The driver reports one.
     pub fn wait(&self) -> Result<(), GpuError> {
-        self.device
-            .poll(PollType::wait_indefinitely())
-            .map_err(|error| GpuError::Failed(error.to_string()))?;
-        self.check()
+        self.poll(PollType::wait_indefinitely())
     }
 
     /// Copies a buffer back and waits for it.

@@ -67,7 +67,7 @@ impl GpuDag {
         Ok(GpuDag {
             slabs,
             uniform,
-            uniform_buffer: context.buffer("dag", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM),
+            uniform_buffer: context.uniform("dag", &uniform),
             clear: clear_buffer(context, clear)?,
         })
     }
@@ -80,7 +80,7 @@ impl GpuDag {
     pub fn set_clear(&mut self, context: &Context, clear: &ClearBricks) -> Result<(), GpuError> {
         self.clear = clear_buffer(context, clear)?;
         self.uniform.clear_slots = clear.last_slot();
-        self.uniform_buffer = context.buffer("dag", bytemuck::bytes_of(&self.uniform), BufferUsages::UNIFORM);
+        self.uniform_buffer = context.uniform("dag", &self.uniform);
         Ok(())
     }
 
@@ -112,22 +112,12 @@ impl GpuDag {
     ) -> wgpu::BindGroup {
         let others = [Some(&self.uniform_buffer), clear];
         let others = others.into_iter().flatten().map(|buffer| buffer.as_entire_binding());
-        let resources = self.slabs.bindings().into_iter().chain(others);
-        let entries: Vec<wgpu::BindGroupEntry> = (0..)
-            .zip(resources)
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
-        context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("dag"),
-            layout,
-            entries: &entries,
-        })
+        context.bind("dag", layout, self.slabs.bindings().into_iter().chain(others))
     }
 }
 
 fn clear_buffer(context: &Context, clear: &ClearBricks) -> Result<wgpu::Buffer, GpuError> {
     let contents = clear.contents();
-    let contents = bytemuck::cast_slice(&contents);
-    context.check_bound("bytes of bricks that cast no shadow", contents.len() as u64)?;
-    Ok(context.buffer("clear bricks", contents, BufferUsages::STORAGE))
+    context.check_bound("bytes of bricks that cast no shadow", size_of_val(&*contents) as u64)?;
+    Ok(context.buffer("clear bricks", &contents, BufferUsages::STORAGE))
 }

@@ -6,29 +6,34 @@ use voxsight_voxel::grid::Grid;
 use wgpu::BufferUsages;
 
 use super::clear::ClearBricks;
+use super::clip::ClipPlanes;
 use super::context::{Context, GpuError};
 use super::dag::GpuDag;
 use super::geometry::GeometryPass;
-use super::glass::{GlassInputs, GlassPass};
+use super::glass::GlassPass;
 use super::instance::{DrawList, Instance};
 use super::light::LightUniform;
 use super::marks::Marks;
 use super::memory::{Copies, PagedMemory};
-use super::shade::{ShadeInputs, ShadePass};
+use super::pages::PageInputs;
+use super::shade::{LightInputs, ShadeInputs, ShadePass};
 use super::shadow::{ShadowInputs, ShadowPass, ShadowSettings};
 use super::target::Targets;
 use super::timer::{Recording, Timer};
 use super::view::ViewUniform;
-use crate::camera::CameraRays;
+use crate::camera::Plane;
 use crate::render::Lighting;
+
+/// Passes of a frame in their order, as [`FrameRenderer::times`] names them.
+pub const PASSES: [&str; 5] = ["geometry", "shadow", "filter", "transparent", "shade"];
 
 /// What a frame shows.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameInput<'a> {
-    /// Resident drawables at their levels.
+    /// Resident drawables at their levels, and the camera that sees them.
     pub list: &'a DrawList,
-    /// Seen from here.
-    pub camera: &'a CameraRays,
+    /// Only what is inside all of these is there.
+    pub clip: &'a [Plane],
     /// In this light.
     pub lighting: &'a Lighting,
     /// The world's up direction.
@@ -87,7 +92,7 @@ impl FrameRenderer {
             shade: ShadePass::new(context),
             targets: Targets::new(context, size)?,
             timer: Timer::new(context),
-            nothing: buffer_of(context, "nothing", &[0u32; 2], BufferUsages::STORAGE),
+            nothing: context.buffer("nothing", &[0u32; 2], BufferUsages::STORAGE),
             context: context.clone(),
             memory,
             bounds,
@@ -120,6 +125,11 @@ impl FrameRenderer {
     /// Do voxels cast shadows?
     pub fn has_voxels(&self) -> bool {
         self.voxels.is_some()
+    }
+
+    /// Rays to sun and sky that nothing stopped, for each pixel, and of how many: what [`FrameRenderer::reached`] is smoothed from.
+    pub fn free(&self) -> Option<(&wgpu::Buffer, u32)> {
+        self.voxels.as_ref().map(|voxels| (voxels.pass.free(), voxels.pass.samples()))
     }
 
     /// Shares of sun and sky that reached each pixel of the last frame with shadows.
@@ -157,11 +167,12 @@ impl FrameRenderer {
     /// The driver has reported one, here or before; larger than the adapter's textures.
     pub fn draw(&mut self, input: &FrameInput) -> Result<(), GpuError> {
         let FrameRenderer { context, memory, geometry, glass, shade, timer, .. } = self;
-        if self.targets.size != input.camera.size() {
-            self.targets = Targets::new(context, input.camera.size())?;
+        let camera = &input.list.camera;
+        if self.targets.size != camera.size() {
+            self.targets = Targets::new(context, camera.size())?;
         }
-        let view = ViewUniform::new(input.camera, self.bounds.0, self.bounds.1);
-        let view = buffer_of(context, "view", &[view], BufferUsages::UNIFORM);
+        let view = context.uniform("view", &ViewUniform::new(camera, self.bounds.0, self.bounds.1));
+        let clip = ClipPlanes::new(context, input.clip, camera.eye());
         let marks = input.marks.buffer(context);
         timer.begin();
         let mut encoder = context.device.create_command_encoder(&Default::default());
@@ -170,15 +181,23 @@ impl FrameRenderer {
         // A buffer cannot be empty.
         let none = [Instance::default()];
         let instances = if input.list.instances.is_empty() { &none } else { input.list.instances.as_slice() };
-        let instances = buffer_of(context, "instances", instances, BufferUsages::VERTEX);
-        geometry.record(&mut recording, memory.slabs(), (input.list, &instances), &view, &self.targets);
+        let instances = context.buffer("instances", instances, BufferUsages::VERTEX);
+        let pages = PageInputs {
+            pool: memory.slabs(),
+            list: input.list,
+            instances: &instances,
+            view: &view,
+            clip: &clip,
+        };
+        geometry.record(&mut recording, &pages, &self.targets);
         let reached = match (&mut self.voxels, input.shadows) {
             (Some(Voxels { dag, grid, pass }), Some(settings)) => {
                 let inputs = ShadowInputs {
                     dag,
                     grid,
-                    camera: input.camera,
+                    camera,
                     view: &view,
+                    clip: &clip,
                     lighting: input.lighting,
                     scene: input.scene,
                     settings,
@@ -189,19 +208,11 @@ impl FrameRenderer {
         };
         let has_glass = !input.list.transparent.is_empty();
         let light = LightUniform::new(input.lighting, input.up, reached.is_some(), has_glass);
-        let light = buffer_of(context, "light", &[light], BufferUsages::UNIFORM);
+        let light = LightInputs { light: &context.uniform("light", &light), marks: &marks };
         if has_glass {
-            let inputs = GlassInputs {
-                pool: memory.slabs(),
-                list: input.list,
-                instances: &instances,
-                view: &view,
-                light: &light,
-            };
-            glass.record(&mut recording, &inputs, &self.targets);
+            glass.record(&mut recording, &pages, &light, &self.targets);
         }
-        let reached = reached.unwrap_or(&self.nothing);
-        let inputs = ShadeInputs { view: &view, light: &light, reached, marks: &marks };
+        let inputs = ShadeInputs { view: &view, reached: reached.unwrap_or(&self.nothing), light };
         shade.record(&mut recording, &inputs, &self.targets);
         timer.end(&mut encoder);
         context.queue.submit([encoder.finish()]);
@@ -226,13 +237,4 @@ impl FrameRenderer {
     pub fn times(&self) -> Result<Vec<(&'static str, f64)>, GpuError> {
         self.timer.read(&self.context)
     }
-}
-
-fn buffer_of<T: bytemuck::Pod>(
-    context: &Context,
-    label: &str,
-    contents: &[T],
-    usage: BufferUsages,
-) -> wgpu::Buffer {
-    context.buffer(label, bytemuck::cast_slice(contents), usage)
 }

@@ -7,6 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3, IVec3};
 
+use crate::camera::CameraRays;
 use crate::lod::Choice;
 use crate::scene::Scene;
 use crate::streaming::PageLayout;
@@ -113,8 +114,10 @@ pub struct Draw {
 }
 
 /// What a frame draws.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct DrawList {
+    /// Whose eye instances are relative to.
+    pub camera: CameraRays,
     /// Those that share a page lie together.
     pub instances: Vec<Instance>,
     /// Of what is opaque, a draw a page.
@@ -126,19 +129,26 @@ pub struct DrawList {
 }
 
 impl DrawList {
-    /// Lists resident drawables. `offset_of` tells where in the pool a page is; what is not there is left out.
-    pub fn new(scene: &Scene, eye: DVec3, drawn: &[Choice], offset_of: impl Fn(u32) -> Option<u64>) -> Self {
-        let page_of = |choice: &Choice| {
-            let chunk = scene.drawables()[choice.drawable as usize].chunk;
-            scene.chunks()[chunk as usize].first_level + choice.level
-        };
+    /// Lists resident drawables, for a camera. `offset_of` tells where in the pool a page is; what is not there is left out.
+    pub fn new(
+        scene: &Scene,
+        camera: &CameraRays,
+        drawn: &[Choice],
+        offset_of: impl Fn(u32) -> Option<u64>,
+    ) -> Self {
+        let bounds = scene.meta().bounds;
+        // However far away it is: f32 shall do.
+        let camera = camera.brought_near(bounds.min.into(), bounds.max.into());
+        let eye = camera.eye();
+        let page_of = |choice: &Choice| scene.page_of(choice.drawable, choice.level);
         let object_of = |choice: &Choice| &scene.objects()[scene.drawable_object(choice.drawable) as usize];
         let mut order: Vec<(bool, u32, Choice)> = drawn
             .iter()
             .map(|choice| (object_of(choice).colour[3] < 255, page_of(choice), *choice))
             .collect();
         order.sort_unstable();
-        let mut list = DrawList::default();
+        let (instances, opaque, transparent) = (Vec::new(), Vec::new(), Vec::new());
+        let mut list = DrawList { camera, instances, opaque, transparent, triangles: 0 };
         for group in order.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let [(is_transparent, page, _), ..] = *group else { continue };
             let Some(offset) = offset_of(page) else { continue };

@@ -36,6 +36,6 @@ impl Marks {
     pub(super) fn buffer(&self, context: &Context) -> wgpu::Buffer {
         let none = [0];
         let words: &[u32] = if self.words.is_empty() { &none } else { &self.words };
-        context.buffer("marks", bytemuck::cast_slice(words), BufferUsages::STORAGE)
+        context.buffer("marks", words, BufferUsages::STORAGE)
     }
 }

@@ -83,6 +83,17 @@ impl Slabs {
         })
     }
 
+    /// Copies all of it back, and waits.
+    ///
+    /// # Errors
+    ///
+    /// The driver reports one.
+    pub fn read(&self, context: &Context) -> Result<Vec<u8>, GpuError> {
+        let slabs: Result<Vec<Vec<u8>>, GpuError> =
+            self.buffers.iter().map(|slab| context.read(slab)).collect();
+        Ok(slabs?.concat())
+    }
+
     /// Writes at once, before what is submitted later.
     pub fn write(&self, context: &Context, offset: u64, bytes: &[u8]) {
         let mut rest = bytes;

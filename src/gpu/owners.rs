@@ -2,7 +2,6 @@
 
 use bytemuck::{Pod, Zeroable};
 use voxsight_voxel::dag::{DagRef, OwnersRef};
-use wgpu::BufferUsages;
 
 use super::context::{Context, GpuError};
 use super::memory::Slabs;
@@ -55,7 +54,7 @@ impl GpuOwners {
         slabs.write(context, pages.len() as u64, directory);
         let uniform =
             OwnersUniform { pages: (directory.len() / 8) as u32, directory_at, ..OwnersUniform::default() };
-        let uniform = context.buffer("owners", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
+        let uniform = context.uniform("owners", &uniform);
         Ok(GpuOwners { slabs, uniform })
     }
 
@@ -72,14 +71,6 @@ impl GpuOwners {
     /// Bindings of group 2.
     pub fn bind(&self, context: &Context, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
         let resources = self.slabs.bindings().into_iter().chain([self.uniform.as_entire_binding()]);
-        let entries: Vec<wgpu::BindGroupEntry> = (0..)
-            .zip(resources)
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
-        context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("owners"),
-            layout,
-            entries: &entries,
-        })
+        context.bind("owners", layout, resources)
     }
 }

@@ -5,13 +5,13 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use voxsight_voxel::grid::Grid;
-use wgpu::{BindGroupEntry, Buffer, BufferUsages, ComputePipeline, PollType};
+use wgpu::{Buffer, BufferUsages, ComputePipeline, PollType};
 
 use super::clear::ClearBricks;
 use super::context::{Context, GpuError};
 use super::dag::GpuDag;
 use super::owners::GpuOwners;
-use super::shader::module_of;
+use super::shader::compute_pipeline;
 use super::twin::{GridRay, Tally};
 use crate::camera::CameraRays;
 use crate::progress::Progress;
@@ -20,7 +20,7 @@ use crate::visibility::culling::{CulledFrame, Culling, timed};
 use crate::visibility::{QueryScene, QuerySettings, RayGrid, VisibleSet};
 
 /// Rays of a workgroup.
-const GROUP: u32 = 64;
+pub const GROUP: u32 = 64;
 /// Workgroups of a row.
 const ROW: u32 = 1024;
 /// Farther than any grid is wide, voxels: ends that lie beyond are taken as this.
@@ -102,17 +102,7 @@ impl GpuQuery {
         let dag = GpuDag::new(context, &scene.dag, &ClearBricks::default())?;
         let owners = GpuOwners::new(context, &scene.dag, &scene.owners)?;
         let constants: Vec<(&str, f64)> = dag.constants().into_iter().chain(owners.constants()).collect();
-        let pipeline = context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("query"),
-            layout: None,
-            module: &module_of(context, "query"),
-            entry_point: Some("count"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &constants,
-                ..Default::default()
-            },
-            cache: None,
-        });
+        let pipeline = compute_pipeline(context, "query", "count", &constants);
         context.check()?;
         Ok(GpuQuery { context: context.clone(), settings, dag, owners, pipeline })
     }
@@ -120,7 +110,7 @@ impl GpuQuery {
     /// The rays of a camera, as the CPU casts them, cut to what the filter leaves; and how many there were before.
     pub fn rays(&self, scene: &QueryScene, camera: &CameraRays) -> (Vec<GridRay>, u64) {
         let QuerySettings { rays_per_pixel, first_sample, jitter, .. } = self.settings;
-        let cells = RayGrid::new(camera, rays_per_pixel, jitter);
+        let cells = RayGrid::new(&scene.exact.brought_near(camera), rays_per_pixel, jitter);
         let (mut rays, mut count) = (Vec::new(), 0);
         for tile in cells.tiles() {
             for sample in 0..rays_per_pixel.samples() {
@@ -142,7 +132,7 @@ impl GpuQuery {
     pub fn ask(&self, scene: &QueryScene, rays: &[GridRay], count: u64) -> Result<Pending, GpuError> {
         let GpuQuery { context, pipeline, .. } = self;
         let drawables = scene.exact.drawable_count();
-        let kinds = context.buffer("kinds", bytemuck::cast_slice(&kinds(scene)), BufferUsages::STORAGE);
+        let kinds = context.buffer("kinds", &kinds(scene), BufferUsages::STORAGE);
         let size = 4 * (u64::from(drawables) + u64::from(drawables.div_ceil(32)) + 1);
         let buffer = |label, usage| {
             context.device.create_buffer(&wgpu::BufferDescriptor {
@@ -160,20 +150,12 @@ impl GpuQuery {
         let mut encoder = context.device.create_command_encoder(&Default::default());
         for rays in rays.chunks((context.most_bound() as usize / size_of::<ListedRay>()).max(1)) {
             let listed: Vec<ListedRay> = rays.iter().map(listed).collect();
-            let list = context.buffer("rays", bytemuck::cast_slice(&listed), BufferUsages::STORAGE);
+            let list = context.buffer("rays", &listed, BufferUsages::STORAGE);
             let uniform =
                 QueryUniform { rays: listed.len() as u32, row: ROW * GROUP, drawables, padding_0: 0 };
-            let uniform = context.buffer("query", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
+            let uniform = context.uniform("query", &uniform);
             let resources = [&list, &kinds, &tally, &uniform].map(|buffer| buffer.as_entire_binding());
-            let entries: Vec<BindGroupEntry> = (0..)
-                .zip(resources)
-                .map(|(binding, resource)| BindGroupEntry { binding, resource })
-                .collect();
-            let group = context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("query"),
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &entries,
-            });
+            let group = context.bind("query", &pipeline.get_bind_group_layout(0), resources);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
@@ -199,8 +181,7 @@ impl GpuQuery {
     ///
     /// The driver reports one.
     pub fn poll(&self, pending: &Pending) -> Result<Option<VisibleSet>, GpuError> {
-        self.context.device.poll(PollType::Poll).map_err(|error| GpuError::Failed(error.to_string()))?;
-        self.context.check()?;
+        self.context.poll(PollType::Poll)?;
         match pending.mapped.try_recv() {
             Err(TryRecvError::Empty) => Ok(None),
             Err(TryRecvError::Disconnected) => Err(fetched_twice()),
@@ -259,14 +240,19 @@ fn listed(ray: &GridRay) -> ListedRay {
     }
 }
 
-/// Two bits a drawable: 1 hidden, 2 transparent.
+/// Of a drawable's two bits: it is hidden.
+pub const HIDDEN: u32 = 1;
+/// It is seen through.
+pub const TRANSPARENT: u32 = 2;
+
+/// Two bits a drawable: [`HIDDEN`], [`TRANSPARENT`].
 fn kinds(scene: &QueryScene) -> Vec<u32> {
     let drawables = scene.exact.drawable_count();
     let mut words = vec![0u32; drawables.div_ceil(16).max(1) as usize];
     for drawable in 0..drawables {
-        let is_hidden = u32::from(scene.filter.is_hidden(drawable));
-        let is_transparent = u32::from(scene.exact.is_transparent(drawable));
-        words[drawable as usize / 16] |= (is_hidden | is_transparent << 1) << (2 * (drawable % 16));
+        let hidden = if scene.filter.is_hidden(drawable) { HIDDEN } else { 0 };
+        let transparent = if scene.exact.is_transparent(drawable) { TRANSPARENT } else { 0 };
+        words[drawable as usize / 16] |= (hidden | transparent) << (2 * (drawable % 16));
     }
     words
 }

@@ -1,27 +1,35 @@
 //! The shading pass: light on what the geometry pass saw.
 
-use wgpu::{BindGroupEntry, BindingResource, Buffer, RenderPipeline};
+use wgpu::{BindingResource, Buffer, RenderPipeline};
 
 use super::context::Context;
+use super::pages::cleared;
 use super::shader::module_of;
 use super::target::{PICTURE, Targets};
 use super::timer::Recording;
 
 /// Makes the picture.
 #[derive(Debug)]
-pub struct ShadePass {
+pub(super) struct ShadePass {
     pipeline: RenderPipeline,
 }
 
 /// What it reads beside the targets.
 #[derive(Clone, Copy, Debug)]
-pub struct ShadeInputs<'a> {
+pub(super) struct ShadeInputs<'a> {
     /// [`super::view::ViewUniform`].
     pub view: &'a Buffer,
-    /// [`super::light::LightUniform`].
-    pub light: &'a Buffer,
     /// Shares of sun and sky, two f32 a pixel; any buffer of 8 bytes where nothing casts shadows.
     pub reached: &'a Buffer,
+    /// Light and marks.
+    pub light: LightInputs<'a>,
+}
+
+/// What surfaces look like beside their own colour.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LightInputs<'a> {
+    /// [`super::light::LightUniform`].
+    pub light: &'a Buffer,
     /// [`super::marks::Marks`].
     pub marks: &'a Buffer,
 }
@@ -63,29 +71,14 @@ impl ShadePass {
             BindingResource::TextureView(&targets.normal.view),
             BindingResource::TextureView(&targets.colour.view),
             inputs.reached.as_entire_binding(),
-            inputs.marks.as_entire_binding(),
             BindingResource::TextureView(&targets.glass_sum.view),
             BindingResource::TextureView(&targets.glass_through.view),
         ];
-        let entries: Vec<BindGroupEntry> =
-            (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
-        let group = context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("shade"),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        let light = bind_light(context, &self.pipeline, inputs.light);
+        let group = context.bind("shade", &self.pipeline.get_bind_group_layout(0), resources);
+        let light = bind_light(context, &self.pipeline, &inputs.light);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shade"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &targets.picture.view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[cleared(&targets.picture.view, wgpu::Color::BLACK)],
             depth_stencil_attachment: None,
             timestamp_writes: timer.render_pass("shade"),
             occlusion_query_set: None,
@@ -98,11 +91,12 @@ impl ShadePass {
     }
 }
 
-/// Bindings of `shaders/light.wgsl`.
-pub(super) fn bind_light(context: &Context, pipeline: &RenderPipeline, light: &Buffer) -> wgpu::BindGroup {
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("light"),
-        layout: &pipeline.get_bind_group_layout(1),
-        entries: &[BindGroupEntry { binding: 0, resource: light.as_entire_binding() }],
-    })
+/// Bindings of `shaders/light.wgsl` and `shaders/marks.wgsl`.
+pub(super) fn bind_light(
+    context: &Context,
+    pipeline: &RenderPipeline,
+    inputs: &LightInputs,
+) -> wgpu::BindGroup {
+    let resources = [inputs.light, inputs.marks].map(|buffer| buffer.as_entire_binding());
+    context.bind("light", &pipeline.get_bind_group_layout(1), resources)
 }

@@ -26,6 +26,10 @@ pub const QUERY: &str = include_str!("../../shaders/query.wgsl");
 pub const SHADOW: &str = include_str!("../../shaders/shadow.wgsl");
 /// What smooths it; after [`VIEW`] and [`OCTAHEDRAL`].
 pub const FILTER: &str = include_str!("../../shaders/filter.wgsl");
+/// Clip planes; after [`VIEW`].
+pub const CLIP: &str = include_str!("../../shaders/clip.wgsl");
+/// What is selected or highlighted.
+pub const MARKS: &str = include_str!("../../shaders/marks.wgsl");
 /// Light on a surface.
 pub const LIGHT: &str = include_str!("../../shaders/light.wgsl");
 /// Transparent surfaces; after [`GEOMETRY`] and [`LIGHT`].
@@ -43,13 +47,30 @@ pub fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderMod
 
 /// The texts of every pipeline, by name.
 pub const PIPELINES: [(&str, &[&str]); 6] = [
-    ("geometry", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY]),
-    ("glass", &[PAGE, OCTAHEDRAL, VIEW, GEOMETRY, LIGHT, GLASS]),
-    ("shade", &[OCTAHEDRAL, VIEW, LIGHT, SHADE]),
-    ("shadow", &[VIEW, OCTAHEDRAL, DAG, SHADOW]),
+    ("geometry", &[PAGE, OCTAHEDRAL, VIEW, CLIP, GEOMETRY]),
+    ("glass", &[PAGE, OCTAHEDRAL, VIEW, CLIP, GEOMETRY, LIGHT, MARKS, GLASS]),
+    ("shade", &[OCTAHEDRAL, VIEW, LIGHT, MARKS, SHADE]),
+    ("shadow", &[VIEW, CLIP, OCTAHEDRAL, DAG, SHADOW]),
     ("filter", &[VIEW, OCTAHEDRAL, FILTER]),
     ("query", &[DAG, OWNERS, QUERY]),
 ];
+
+/// A compute pipeline of one of [`PIPELINES`].
+pub(super) fn compute_pipeline(
+    context: &Context,
+    name: &str,
+    entry_point: &str,
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        module: &module_of(context, name),
+        entry_point: Some(entry_point),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    })
+}
 
 /// The module of one of [`PIPELINES`].
 pub(super) fn module_of(context: &Context, name: &str) -> wgpu::ShaderModule {

@@ -1,23 +1,29 @@
 //! The shadow pass: voxel rays from what each pixel shows to the sun and into the sky, accumulated while nothing moves.
 
+use std::sync::OnceLock;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use voxsight_voxel::grid::Grid;
-use wgpu::{BindGroupEntry, BindingResource, Buffer, BufferUsages, ComputePipeline};
+use wgpu::{BindingResource, Buffer, BufferUsages, ComputePipeline};
 
+use super::clip::ClipPlanes;
 use super::context::{Context, GpuError};
 use super::dag::GpuDag;
-use super::shader::module_of;
+use super::shader::compute_pipeline;
 use super::target::Targets;
 use super::timer::Recording;
 use crate::camera::CameraRays;
 use crate::render::{KeyLight, Lighting, Sky};
 
-/// Samples of a pixel that are accumulated, at most: an hour at 60 frames a second would not show any more.
+/// Samples of a pixel that are accumulated, at most: what another one adds, a 4096th of a share, is far below a step of the picture.
 const MOST_SAMPLES: u32 = 4096;
 
+/// Samples of a dispatch, at most: drivers give up what takes seconds.
+const MOST_AT_ONCE: u32 = 4;
+
 /// Side of a workgroup, pixels.
-const GROUP: u32 = 8;
+pub const GROUP: u32 = 8;
 
 /// `Shadow` of `shaders/shadow.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -74,8 +80,10 @@ struct Still {
 
 /// Traces and smooths.
 #[derive(Debug)]
-pub struct ShadowPass {
+pub(super) struct ShadowPass {
     trace: ComputePipeline,
+    /// The same where something is cut away, made when that first happens.
+    trace_cut: OnceLock<ComputePipeline>,
     smooth: ComputePipeline,
     free: Buffer,
     reached: Buffer,
@@ -86,7 +94,7 @@ pub struct ShadowPass {
 
 /// What the pass needs of a frame.
 #[derive(Clone, Copy, Debug)]
-pub struct ShadowInputs<'a> {
+pub(super) struct ShadowInputs<'a> {
     /// Voxels.
     pub dag: &'a GpuDag,
     /// Where they are.
@@ -95,6 +103,8 @@ pub struct ShadowInputs<'a> {
     pub camera: &'a CameraRays,
     /// The same for shaders: a [`super::view::ViewUniform`].
     pub view: &'a Buffer,
+    /// What is cut away casts no shadow.
+    pub clip: &'a ClipPlanes,
     /// In this light.
     pub lighting: &'a Lighting,
     /// Another number, another scene: accumulation begins anew.
@@ -106,26 +116,21 @@ pub struct ShadowInputs<'a> {
 impl ShadowPass {
     /// For DAGs in a memory of this kind.
     pub fn new(context: &Context, dag: &GpuDag) -> Self {
-        let constants = dag.constants();
-        let pipeline = |label, entry_point, constants| {
-            context.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(label),
-                layout: None,
-                module: &module_of(context, label),
-                entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-                cache: None,
-            })
-        };
         ShadowPass {
-            trace: pipeline("shadow", "trace", &constants),
-            smooth: pipeline("filter", "smooth_shares", &[]),
+            trace: trace_pipeline(context, dag, false),
+            trace_cut: OnceLock::new(),
+            smooth: compute_pipeline(context, "filter", "smooth_shares", &[]),
             free: storage(context, "free", 1),
             reached: storage(context, "reached", 1),
             size: (0, 0),
             still: None,
             samples: 0,
         }
+    }
+
+    /// Rays to sun and sky that nothing stopped, of all samples so far, two u32 a pixel.
+    pub fn free(&self) -> &Buffer {
+        &self.free
     }
 
     /// Shares of sun and sky that reach each pixel, two f32 each, row by row.
@@ -167,40 +172,45 @@ impl ShadowPass {
             self.still = Some(still);
             self.samples = 0;
         }
-        uniform.first_sample = self.samples;
-        uniform.samples = inputs.settings.samples.max(1).min(MOST_SAMPLES - self.samples);
+        let last = (self.samples + inputs.settings.samples.max(1)).min(MOST_SAMPLES);
         let groups = (targets.size.0.div_ceil(GROUP), targets.size.1.div_ceil(GROUP));
         let seen = [
             BindingResource::TextureView(&targets.depth.view),
             BindingResource::TextureView(&targets.drawable.view),
             BindingResource::TextureView(&targets.normal.view),
         ];
-        if uniform.samples > 0 {
-            let uniform = uniform_buffer(context, "shadow", bytemuck::bytes_of(&uniform));
-            let [depth, drawable, normal] = seen.clone();
-            let group = bind(
-                context,
-                &self.trace,
-                [
-                    inputs.view.as_entire_binding(),
-                    uniform.as_entire_binding(),
-                    depth,
-                    drawable,
-                    normal,
-                    self.free.as_entire_binding(),
-                ],
-            );
-            let voxels = inputs.dag.bind(context, &self.trace.get_bind_group_layout(1));
+        if self.samples < last {
+            let trace = if inputs.clip.is_empty() {
+                &self.trace
+            } else {
+                self.trace_cut.get_or_init(|| trace_pipeline(context, inputs.dag, true))
+            };
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some("shadow"),
                 timestamp_writes: timer.compute_pass("shadow"),
             });
-            pass.set_pipeline(&self.trace);
-            pass.set_bind_group(0, &group, &[]);
-            pass.set_bind_group(1, &voxels, &[]);
-            pass.dispatch_workgroups(groups.0, groups.1, 1);
+            pass.set_pipeline(trace);
+            pass.set_bind_group(1, &inputs.dag.bind(context, &trace.get_bind_group_layout(1)), &[]);
+            while self.samples < last {
+                uniform.first_sample = self.samples;
+                uniform.samples = MOST_AT_ONCE.min(last - self.samples);
+                let uniform_buffer = context.uniform("shadow", &uniform);
+                let [depth, drawable, normal] = seen.clone();
+                let resources = [
+                    inputs.view.as_entire_binding(),
+                    uniform_buffer.as_entire_binding(),
+                    depth,
+                    drawable,
+                    normal,
+                    inputs.clip.binding(),
+                    self.free.as_entire_binding(),
+                ];
+                let group = context.bind("shadow", &trace.get_bind_group_layout(0), resources);
+                pass.set_bind_group(0, &group, &[]);
+                pass.dispatch_workgroups(groups.0, groups.1, 1);
+                self.samples += uniform.samples;
+            }
         }
-        self.samples += uniform.samples;
         let radius = match (inputs.settings.smooth, self.samples) {
             (false, _) => 0,
             (true, 0..16) => 2,
@@ -213,21 +223,18 @@ impl ShadowPass {
             has_sun: uniform.has_sun,
             has_sky: uniform.has_sky,
         };
-        let filter = uniform_buffer(context, "filter", bytemuck::bytes_of(&filter));
+        let filter = context.uniform("filter", &filter);
         let [depth, drawable, normal] = seen;
-        let group = bind(
-            context,
-            &self.smooth,
-            [
-                inputs.view.as_entire_binding(),
-                filter.as_entire_binding(),
-                depth,
-                drawable,
-                normal,
-                self.free.as_entire_binding(),
-                self.reached.as_entire_binding(),
-            ],
-        );
+        let resources = [
+            inputs.view.as_entire_binding(),
+            filter.as_entire_binding(),
+            depth,
+            drawable,
+            normal,
+            self.free.as_entire_binding(),
+            self.reached.as_entire_binding(),
+        ];
+        let group = context.bind("filter", &self.smooth.get_bind_group_layout(0), resources);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("filter"),
             timestamp_writes: timer.compute_pass("filter"),
@@ -280,20 +287,7 @@ fn storage(context: &Context, label: &str, pixels: u64) -> Buffer {
     })
 }
 
-fn uniform_buffer(context: &Context, label: &str, contents: &[u8]) -> Buffer {
-    context.buffer(label, contents, BufferUsages::UNIFORM)
-}
-
-fn bind<const N: usize>(
-    context: &Context,
-    pipeline: &ComputePipeline,
-    resources: [BindingResource; N],
-) -> wgpu::BindGroup {
-    let entries: Vec<BindGroupEntry> =
-        (0..).zip(resources).map(|(binding, resource)| BindGroupEntry { binding, resource }).collect();
-    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &entries,
-    })
+fn trace_pipeline(context: &Context, dag: &GpuDag, is_cut: bool) -> ComputePipeline {
+    let [shift, slabs] = dag.constants();
+    compute_pipeline(context, "shadow", "trace", &[shift, slabs, ClipPlanes::constant(is_cut)])
 }

@@ -22,7 +22,7 @@ pub const GLASS_SUM: TextureFormat = TextureFormat::Rgba16Float;
 pub const GLASS_THROUGH: TextureFormat = TextureFormat::R8Unorm;
 
 /// Where nothing is drawn.
-pub const NOBODY: u32 = u32::MAX;
+pub use crate::render::NOBODY;
 
 /// A texture of a frame.
 #[derive(Clone, Debug)]

@@ -9,9 +9,12 @@ use voxsight_voxel::dag::DagRef;
 use super::clear::ClearBricks;
 use crate::visibility::QueryScene;
 
-const MAX_STACK: usize = 9;
-const PARALLEL: f32 = (1u128 << 100) as f32;
-const NEGLIGIBLE: f32 = 1.0 / (1u32 << 30) as f32;
+/// Height of the root over the largest grid, and a slot for the leaf.
+pub const MAX_STACK: usize = 9;
+/// Stands for 1/0.
+pub const PARALLEL: f32 = (1u128 << 100) as f32;
+/// Components of directions below this fraction of the largest are taken as 0.
+pub const NEGLIGIBLE: f32 = 1.0 / (1u32 << 30) as f32;
 
 /// A ray of grid space: whole voxels and the rest of its origin apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -219,7 +222,7 @@ pub struct Tally {
 }
 
 /// Transparent drawables that a ray counts once each; from then on each time that it meets one.
-const MOST_PASSED: usize = 16;
+pub const MOST_PASSED: usize = 16;
 
 /// The query `voxel` over a list of rays: `count` of `shaders/query.wgsl`.
 pub fn count(scene: &QueryScene, rays: &[GridRay]) -> Tally {

@@ -57,7 +57,7 @@ fn median_of_sorted(sorted: &[f64]) -> f64 {
 }
 
 /// The value at rank ceil(percent / 100 n), counted from 1.
-fn nearest_rank(sorted: &[f64], percent: usize) -> f64 {
+pub(crate) fn nearest_rank(sorted: &[f64], percent: usize) -> f64 {
     let rank = (sorted.len() * percent).div_ceil(100).max(1);
     sorted.get(rank - 1).copied().unwrap_or(0.0)
 }

@@ -108,7 +108,9 @@ struct Waiting {
 pub(super) struct Shader<'a> {
     scene: &'a RenderScene<'a>,
     settings: &'a RenderSettings,
-    camera: &'a CameraRays,
+    camera: CameraRays,
+    /// How far its rays start before those of the caller's camera.
+    ahead: f64,
     tracer: TileTracer<'a>,
     shadows: ShadowTracer<'a>,
     up: DVec3,
@@ -119,7 +121,8 @@ pub(super) struct Shader<'a> {
 }
 
 impl<'a> Shader<'a> {
-    pub fn new(scene: &'a RenderScene<'a>, settings: &'a RenderSettings, camera: &'a CameraRays) -> Self {
+    pub fn new(scene: &'a RenderScene<'a>, settings: &'a RenderSettings, far: &CameraRays) -> Self {
+        let camera = scene.query.exact.brought_near(far);
         let up = settings.up.normalize_or(DVec3::Y);
         let across = match settings.lighting.key {
             KeyLight::Sun(sun) => up.cross(sun.direction).normalize_or_zero(),
@@ -129,6 +132,7 @@ impl<'a> Shader<'a> {
             scene,
             settings,
             camera,
+            ahead: (camera.eye() - far.eye()).dot(far.forward()),
             tracer: TileTracer::new(&scene.query),
             shadows: ShadowTracer::new(&scene.query, settings.shadows),
             up,
@@ -252,7 +256,7 @@ impl<'a> Shader<'a> {
         Some(Surface {
             look,
             share,
-            depth: t,
+            depth: self.ahead + t,
             drawable,
             point: ray.at(t),
             // CAD files are careless about winding: the side that is seen is the outside.

@@ -239,7 +239,8 @@ impl Streamer {
         self.in_target.get(page as usize) == Some(&self.frame)
     }
 
-    /// Does one frame, always of the same system. `bytes_of` tells the bytes of pages, `loaded` hands over what came from the loader. Returns what was
+    /// Does one frame, always of the same system. `bytes_of` tells the bytes of pages, `loaded` hands over what came from the
+    /// loader. Returns what was
     /// done, and the pages to be loaded next, most important first.
     pub fn frame(
         &mut self,

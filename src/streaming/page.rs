@@ -97,19 +97,19 @@ pub fn decode(layout: &PageLayout, bytes: &[u8]) -> Option<LevelMesh> {
     })
 }
 
-/// The pages of an opened container: its levels, read from the memory map and decoded by whoever asks.
-pub struct ContainerPages(pub Arc<Scene>);
+/// The pages of an opened container: its levels, read from the memory map and decoded by whoever asks. `S` has the scene.
+pub struct ContainerPages<S>(pub Arc<S>);
 
-impl ContainerPages {
+impl<S: AsRef<Scene>> ContainerPages<S> {
     /// Bytes of a page in memory.
     pub fn bytes_of(&self, page: u32) -> u64 {
-        u64::from(PageLayout::of(&self.0.levels()[page as usize]).bytes)
+        PageLayout::of(&(*self.0).as_ref().levels()[page as usize]).bytes.into()
     }
 }
 
-impl PageSource for ContainerPages {
+impl<S: AsRef<Scene> + Send + Sync + 'static> PageSource for ContainerPages<S> {
     fn load(&self, page: u32) -> Result<Vec<u8>, LoadError> {
-        let mesh = self.0.level_mesh(page).map_err(|error| LoadError::Source(error.into()))?;
+        let mesh = (*self.0).as_ref().level_mesh(page).map_err(|error| LoadError::Source(error.into()))?;
         Ok(encode(&mesh))
     }
 }
@@ -130,6 +130,8 @@ mod tests {
             (65_536, 3),
             (65_537, 2),
             (70_000, 65_536),
+            // As large as pages get.
+            (196_608, 65_536),
         ] {
             let mut random = oorandom::Rand64::new(u128::from(vertices));
             let mesh = LevelMesh {

@@ -138,7 +138,8 @@ impl<'a> TileTracer<'a> {
 
     /// The triangle of a hit that [`TileTracer::trace`] has found: of one ray with one drawable at `t`.
     pub fn triangle(&self, ray: &Ray, drawable: u32, t: f64) -> Option<TriangleHit> {
-        self.scene.exact.closest_of(drawable, &Ray { t_max: t, ..*ray })
+        // A little farther: where t is large beside the drawable's box, the box test rounds more than it is widened by.
+        self.scene.exact.closest_of(drawable, &Ray { t_max: t + 1e-12 * t.abs(), ..*ray })
     }
 
     /// A brick on the way of some rays.

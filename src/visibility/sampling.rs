@@ -176,8 +176,8 @@ impl Jitter {
 /// The square cells of an image in each of which a query casts as many rays: pixels, or larger ones where there is less
 /// than a ray a pixel. The last column and row may reach beyond the image; rays there are left out.
 #[derive(Clone)]
-pub struct RayGrid<'a> {
-    camera: &'a CameraRays,
+pub struct RayGrid {
+    camera: CameraRays,
     /// Side of a cell, pixels.
     spacing: f64,
     columns: u32,
@@ -187,14 +187,14 @@ pub struct RayGrid<'a> {
     order: Option<PixelOrder>,
 }
 
-impl<'a> RayGrid<'a> {
+impl RayGrid {
     /// The cells for that many rays.
-    pub fn new(camera: &'a CameraRays, rays: RaysPerPixel, jitter: Jitter) -> Self {
+    pub fn new(camera: &CameraRays, rays: RaysPerPixel, jitter: Jitter) -> Self {
         let spacing = rays.spacing();
         let cells = |pixels: u32| (f64::from(pixels) / spacing).ceil() as u32;
         let (width, height) = camera.size();
         let order = rays.whole_spacing().map(PixelOrder::new);
-        RayGrid { camera, spacing, columns: cells(width), rows: cells(height), jitter, order }
+        RayGrid { camera: *camera, spacing, columns: cells(width), rows: cells(height), jitter, order }
     }
 
     /// All tiles, row by row.

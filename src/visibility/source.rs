@@ -22,15 +22,15 @@ pub(super) trait RaySource: Sync {
 
 /// The rays of an image.
 pub(super) struct ImageRays<'a> {
-    grid: RayGrid<'a>,
+    grid: RayGrid,
     tiles: Vec<Tile>,
     filter: &'a Filter,
     settings: QuerySettings,
 }
 
 impl<'a> ImageRays<'a> {
-    pub fn new(scene: &QueryScene<'a>, camera: &'a CameraRays, settings: &QuerySettings) -> Self {
-        let grid = RayGrid::new(camera, settings.rays_per_pixel, settings.jitter);
+    pub fn new(scene: &QueryScene<'a>, camera: &CameraRays, settings: &QuerySettings) -> Self {
+        let grid = RayGrid::new(&scene.exact.brought_near(camera), settings.rays_per_pixel, settings.jitter);
         ImageRays { tiles: grid.tiles(), grid, filter: scene.filter, settings: *settings }
     }
 }

@@ -30,13 +30,14 @@ use crate::lod::density::{self, DensitySettings};
 use crate::lod::{Choice, ChunkLevels, Selection};
 use crate::render::Lighting;
 use crate::streaming::{
-    Frame, LoadError, Loader, PageLayout, PageSource, Priority, StreamSettings, Streamer, page, predicted,
+    ContainerPages, Frame, LoadError, Loader, Priority, StreamSettings, Streamer, predicted,
 };
 use crate::visibility::coherent::CoherentSettings;
 use crate::visibility::{RayMethod, RaysPerPixel};
 
 pub use record::{FrameRecord, csv_header, csv_line};
-pub use worker::{Answer, QueryWorker, Question, WorkerError};
+use worker::priorities;
+pub use worker::{Answer, QueryWorker, Question, Seen, WorkerError};
 
 /// Which answer a frame draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -118,22 +119,9 @@ pub enum WalkError {
     /// The thread that asks what is visible.
     #[error(transparent)]
     Worker(#[from] WorkerError),
-    /// What is cut away is not drawn cut yet.
-    #[error("clip planes are not drawn on the GPU yet: use queries and the CPU's pictures")]
-    ClipPlanes,
     /// The threads that load pages.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] std::io::Error),
-}
-
-/// The pages of a scene that is loaded.
-struct LoadedPages(Arc<LoadedScene>);
-
-impl PageSource for LoadedPages {
-    fn load(&self, page: u32) -> Result<Vec<u8>, LoadError> {
-        let mesh = self.0.scene().level_mesh(page).map_err(|error| LoadError::Source(error.into()))?;
-        Ok(page::encode(&mesh))
-    }
 }
 
 /// Frames of a scene.
@@ -141,7 +129,8 @@ pub struct Walkthrough {
     scene: Arc<LoadedScene>,
     settings: WalkSettings,
     filter: Arc<Filter>,
-    levels: ChunkLevels,
+    levels: Arc<ChunkLevels>,
+    pages: Arc<ContainerPages<LoadedScene>>,
     worker: QueryWorker,
     loader: Loader,
     streamer: Streamer,
@@ -150,8 +139,9 @@ pub struct Walkthrough {
     host: Vec<u8>,
     frame: u64,
     before: Option<Camera>,
+    last_cut: u64,
     /// The newest answer, and what was chosen by it.
-    answer: Option<Answer>,
+    seen: Option<Seen>,
     selection: Selection,
     wanted: Vec<Priority>,
     expected: Vec<Priority>,
@@ -179,10 +169,13 @@ impl Walkthrough {
             Upload::Delta => Vec::new(),
             Upload::Full | Upload::Each => vec![0; settings.stream.budget as usize],
         };
+        let levels = Arc::new(ChunkLevels::new(scene.scene()));
+        let pages = Arc::new(ContainerPages(Arc::clone(&scene)));
         Ok(Walkthrough {
-            levels: ChunkLevels::new(scene.scene()),
-            worker: QueryWorker::new(Arc::clone(&scene), settings.query)?,
-            loader: Loader::new(Arc::new(LoadedPages(Arc::clone(&scene))), 1)?,
+            worker: QueryWorker::new(Arc::clone(&scene), Arc::clone(&levels), settings.query, settings.lod)?,
+            levels,
+            loader: Loader::new(pages.clone(), 1)?,
+            pages,
             streamer: Streamer::new(settings.stream),
             filter: Arc::new(Filter::default()),
             renderer,
@@ -191,7 +184,8 @@ impl Walkthrough {
             settings,
             frame: 0,
             before: None,
-            answer: None,
+            last_cut: 0,
+            seen: None,
             selection: Selection::default(),
             wanted: Vec::new(),
             expected: Vec::new(),
@@ -212,15 +206,12 @@ impl Walkthrough {
         Ok(self.renderer.set_voxels(&query.dag, &query.grid, &clear)?)
     }
 
-    /// Leaves out what a filter hides, from the next answer on.
+    /// Leaves out what a filter hides, from the next answer on; what it cuts away, at once.
     ///
     /// # Errors
     ///
-    /// A filter with clip planes: drawing does not cut yet. The GPU cannot hold what it takes.
+    /// The GPU cannot hold what it takes.
     pub fn set_filter(&mut self, filter: Filter) -> Result<(), WalkError> {
-        if !filter.clip_planes().is_empty() {
-            return Err(WalkError::ClipPlanes);
-        }
         self.filter = Arc::new(filter);
         self.scene_number += 1;
         if self.renderer.has_voxels() {
@@ -276,21 +267,21 @@ impl Walkthrough {
             self.select();
             record.select_ms = milliseconds(started);
         }
-        if let Some(answer) = &self.answer {
-            record.age = self.frame - answer.frame;
-            record.visible = answer.visible.len() as u32;
-            record.query_ms = answer.milliseconds;
+        if let Some(seen) = &self.seen {
+            record.age = self.frame - seen.frame;
+            record.visible = seen.visible.len() as u32;
+            record.query_ms = seen.milliseconds;
         }
         self.stream(&mut record);
         self.upload(&mut record)?;
 
         let draw = Instant::now();
         let list =
-            DrawList::new(self.scene.scene(), rays.eye(), &self.drawn, |page| self.streamer.offset_of(page));
+            DrawList::new(self.scene.scene(), &rays, &self.drawn, |page| self.streamer.offset_of(page));
         record.triangles = list.triangles;
         self.renderer.draw(&FrameInput {
             list: &list,
-            camera: &rays,
+            clip: self.filter.clip_planes(),
             lighting: look.lighting,
             up: look.up,
             marks: look.marks,
@@ -315,6 +306,13 @@ impl Walkthrough {
         let ahead = self.settings.ahead;
         let predict = || self.before.filter(|_| !is_cut).and_then(|before| predicted(&before, camera, ahead));
         let later = if ahead > 0.0 { later.or_else(predict) } else { None };
+        if is_cut {
+            self.last_cut = self.frame;
+        }
+        // What was expected before a jump, or of a motion that has ended, will not be seen.
+        if is_cut || later.is_none() {
+            self.expected.clear();
+        }
         let filter = Arc::clone(&self.filter);
         self.worker.ask(Question { frame: self.frame, camera: *camera, is_cut, later, filter })?;
         Ok(())
@@ -326,10 +324,10 @@ impl Walkthrough {
         while let Some(answer) = self.worker.answer()? {
             is_new |= self.take(answer);
         }
-        let is_own = |answer: &Option<Answer>, frame| answer.as_ref().is_some_and(|a| a.frame == frame);
+        let is_own = |seen: &Option<Seen>, frame| seen.as_ref().is_some_and(|seen| seen.frame == frame);
         // The first frame has nothing else to draw either.
-        while self.answer.is_none()
-            || (self.settings.latency == Latency::None && !is_own(&self.answer, self.frame))
+        while self.seen.is_none()
+            || (self.settings.latency == Latency::None && !is_own(&self.seen, self.frame))
         {
             let answer = self.worker.wait()?;
             is_new |= self.take(answer);
@@ -338,36 +336,40 @@ impl Walkthrough {
     }
 
     fn take(&mut self, answer: Answer) -> bool {
-        if answer.is_later {
-            let selection = density::select(&self.levels, &answer.visible, &self.settings.lod, None);
-            self.expected = priorities(&selection, &answer);
-            return false;
+        match answer {
+            Answer::Now(seen) => {
+                self.seen = Some(seen);
+                true
+            }
+            Answer::Later { frame, expected } => {
+                if frame >= self.last_cut {
+                    self.expected = expected;
+                }
+                false
+            }
         }
-        self.answer = Some(answer);
-        true
     }
 
     /// Chooses levels for the newest answer.
     fn select(&mut self) {
-        let Some(answer) = &self.answer else { return };
+        let Some(seen) = &self.seen else { return };
         self.selection =
-            density::select(&self.levels, &answer.visible, &self.settings.lod, Some(&self.selection));
-        self.wanted = priorities(&self.selection, answer);
+            density::select(&*self.levels, &seen.visible, &self.settings.lod, Some(&self.selection));
+        self.wanted = priorities(&self.selection, &seen.visible, &seen.samples);
     }
 
     /// Decides what to load and draw.
     fn stream(&mut self, record: &mut FrameRecord) {
         let started = Instant::now();
-        let Walkthrough { scene, settings, levels, loader, streamer, renderer, host, answer, .. } = self;
-        let in_frustum = answer.as_ref().map_or(&[][..], |answer| &answer.in_frustum);
+        let Walkthrough { settings, levels, pages, loader, streamer, renderer, host, seen, .. } = self;
+        let in_frustum = seen.as_ref().map_or(&[][..], |seen| &seen.in_frustum);
         let frame = Frame { wanted: &self.wanted, in_frustum, expected: &self.expected };
-        let records = scene.scene().levels();
-        let bytes_of = |page: u32| u64::from(PageLayout::of(&records[page as usize]).bytes);
+        let bytes_of = |page: u32| pages.bytes_of(page);
         let memory: &mut dyn crate::streaming::Memory = match settings.upload {
             Upload::Delta => &mut renderer.memory,
             Upload::Full | Upload::Each => host,
         };
-        let (report, requests) = streamer.frame(levels, &frame, &bytes_of, loader.fetch(), memory);
+        let (report, requests) = streamer.frame(&**levels, &frame, &bytes_of, loader.fetch(), memory);
         loader.request(&requests);
         record.drawn = report.drawn.len() as u32;
         record.substituted = report.substituted;
@@ -392,17 +394,13 @@ impl Walkthrough {
         let mut copies = Copies::default();
         if self.settings.upload != Upload::Delta {
             let scene = self.scene.scene();
-            let page_of = |choice: &Choice| {
-                let chunk = scene.drawables()[choice.drawable as usize].chunk;
-                scene.chunks()[chunk as usize].first_level + choice.level
-            };
-            let mut pages: Vec<u32> = self.drawn.iter().map(page_of).collect();
+            let mut pages: Vec<u32> =
+                self.drawn.iter().map(|choice| scene.page_of(choice.drawable, choice.level)).collect();
             pages.sort_unstable();
             pages.dedup();
             for page in pages {
                 let Some(offset) = self.streamer.offset_of(page) else { continue };
-                let bytes = PageLayout::of(&scene.levels()[page as usize]).bytes;
-                let bytes = &self.host[offset as usize..][..bytes as usize];
+                let bytes = &self.host[offset as usize..][..self.pages.bytes_of(page) as usize];
                 if self.settings.upload == Upload::Full {
                     crate::streaming::Memory::write(&mut self.renderer.memory, offset, bytes);
                 } else {
@@ -423,15 +421,6 @@ impl Walkthrough {
         record.upload_ms = milliseconds(started);
         Ok(())
     }
-}
-
-/// What a selection wants, with the samples of its answer.
-fn priorities(selection: &Selection, answer: &Answer) -> Vec<Priority> {
-    let samples = |choice: &Choice| {
-        let at = answer.visible.binary_search_by_key(&choice.drawable, |candidate| candidate.drawable);
-        at.map_or(0, |at| answer.samples[at])
-    };
-    selection.choices.iter().map(|choice| Priority { choice: *choice, samples: samples(choice) }).collect()
 }
 
 fn milliseconds(since: Instant) -> f64 {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::gpu::frame::PASSES;
+
 /// A frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameRecord {
@@ -47,12 +49,9 @@ pub struct FrameRecord {
     pub draw_ms: f64,
     /// All of the frame, but for the query where it is not waited for.
     pub frame_ms: f64,
-    /// Passes on the GPU, by its own clock; where the frame waits, and the adapter has one.
+    /// Of [`PASSES`], by the GPU's own clock; where the frame waits, and the adapter has one.
     pub passes: Vec<(&'static str, f64)>,
 }
-
-/// Passes that have a column.
-const PASSES: [&str; 5] = ["geometry", "shadow", "filter", "transparent", "shade"];
 
 /// The columns, in the order of [`csv_line`].
 pub fn csv_header() -> String {

@@ -10,11 +10,13 @@ use glam::DVec3;
 use crate::camera::{Camera, CameraError};
 use crate::filter::Filter;
 use crate::loaded::LoadedScene;
-use crate::lod::{Candidate, candidates};
+use crate::lod::density::{self, DensitySettings};
+use crate::lod::{Candidate, Choice, ChunkLevels, Selection, candidates};
 use crate::progress::Silent;
+use crate::streaming::Priority;
 use crate::visibility::coherent::{CoherentError, CoherentQuery, CoherentSettings};
 use crate::visibility::culling::Culling;
-use crate::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, query};
+use crate::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, query};
 
 /// What is asked about a frame.
 #[derive(Clone, Debug)]
@@ -31,18 +33,30 @@ pub struct Question {
     pub filter: Arc<Filter>,
 }
 
+/// What the thread tells.
+#[derive(Clone, Debug)]
+pub enum Answer {
+    /// What the frame's camera sees.
+    Now(Seen),
+    /// What its camera of later will see, and how fine.
+    Later {
+        /// The question's frame.
+        frame: u64,
+        /// What to load.
+        expected: Vec<Priority>,
+    },
+}
+
 /// What a camera sees.
 #[derive(Clone, Debug)]
-pub struct Answer {
+pub struct Seen {
     /// The question's frame.
     pub frame: u64,
-    /// It is about the camera of later, not about the frame's own.
-    pub is_later: bool,
     /// Visible drawables, rising.
     pub visible: Vec<Candidate>,
     /// Samples of each of them.
     pub samples: Vec<u32>,
-    /// Drawables in the frustum, those that look largest first; none for a camera of later.
+    /// Drawables in the frustum, those that look largest first.
     pub in_frustum: Vec<u32>,
     /// How long it took, milliseconds.
     pub milliseconds: f64,
@@ -54,6 +68,15 @@ struct Desk {
     /// Only the newest question is of interest.
     question: Option<Question>,
     is_closed: bool,
+}
+
+/// What the thread works with.
+struct Work {
+    scene: Arc<LoadedScene>,
+    levels: Arc<ChunkLevels>,
+    query: CoherentQuery,
+    rays_per_pixel: RaysPerPixel,
+    lod: DensitySettings,
 }
 
 /// Answers questions in the order they come, but only the newest of those that wait.
@@ -69,14 +92,19 @@ impl QueryWorker {
     /// # Errors
     ///
     /// Settings that make no query; the system has no more threads.
-    pub fn new(scene: Arc<LoadedScene>, settings: CoherentSettings) -> Result<Self, WorkerError> {
-        let query = CoherentQuery::new(settings)?;
+    pub fn new(
+        scene: Arc<LoadedScene>,
+        levels: Arc<ChunkLevels>,
+        settings: CoherentSettings,
+        lod: DensitySettings,
+    ) -> Result<Self, WorkerError> {
+        let rays_per_pixel = settings.rays_per_pixel;
+        let mut work = Work { scene, levels, query: CoherentQuery::new(settings)?, rays_per_pixel, lod };
         let desk = Arc::new((Mutex::new(Desk::default()), Condvar::new()));
         let (tell, answers) = channel();
         let shared = Arc::clone(&desk);
-        let thread = std::thread::Builder::new()
-            .name("visibility".into())
-            .spawn(move || work(&scene, query, settings.rays_per_pixel, &shared, &tell))?;
+        let thread =
+            std::thread::Builder::new().name("visibility".into()).spawn(move || work.run(&shared, &tell))?;
         Ok(QueryWorker { desk, answers, thread: Some(thread) })
     }
 
@@ -149,79 +177,74 @@ fn lock(desk: &Mutex<Desk>) -> MutexGuard<'_, Desk> {
     desk.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The thread: answers until it is closed, or nobody listens.
-fn work(
-    scene: &LoadedScene,
-    mut visible: CoherentQuery,
-    rays_per_pixel: RaysPerPixel,
-    shared: &(Mutex<Desk>, Condvar),
-    tell: &Sender<Answer>,
-) {
-    let (desk, bell) = shared;
-    loop {
-        let waiting = bell.wait_while(lock(desk), |desk| desk.question.is_none() && !desk.is_closed);
-        let mut waiting = waiting.unwrap_or_else(PoisonError::into_inner);
-        let (Some(question), false) = (waiting.question.take(), waiting.is_closed) else { return };
-        drop(waiting);
-        let told = answer(scene, &mut visible, &question).is_none_or(|answer| tell.send(answer).is_ok());
-        if !told {
-            return;
+impl Work {
+    /// Answers until it is closed, or nobody listens.
+    fn run(&mut self, shared: &(Mutex<Desk>, Condvar), tell: &Sender<Answer>) {
+        let (desk, bell) = shared;
+        loop {
+            let waiting = bell.wait_while(lock(desk), |desk| desk.question.is_none() && !desk.is_closed);
+            let mut waiting = waiting.unwrap_or_else(PoisonError::into_inner);
+            let (Some(question), false) = (waiting.question.take(), waiting.is_closed) else { return };
+            drop(waiting);
+            let told = self.now(&question).is_none_or(|seen| tell.send(Answer::Now(seen)).is_ok());
+            if !told {
+                return;
+            }
+            // What comes later can wait, if something more urgent does not.
+            let is_idle = lock(desk).question.is_none();
+            if is_idle
+                && let Some(expected) = self.later(&question)
+                && tell.send(Answer::Later { frame: question.frame, expected }).is_err()
+            {
+                return;
+            }
         }
-        // What comes later can wait, if something more urgent does not.
-        let is_idle = lock(desk).question.is_none();
-        let later = question.later.filter(|_| is_idle);
-        if let Some(camera) = later
-            && let Some(answer) = answer_later(scene, &camera, &question, rays_per_pixel)
-            && tell.send(answer).is_err()
-        {
-            return;
+    }
+
+    fn now(&mut self, question: &Question) -> Option<Seen> {
+        let started = Instant::now();
+        // Checked when it was asked.
+        let camera = question.camera.rays().ok()?;
+        let scene = QueryScene { filter: &question.filter, ..self.scene.query() };
+        if question.is_cut {
+            self.query.reset();
         }
+        let seen = self.query.frame(&scene, &camera, &Silent)?.found;
+        let in_view = query(&scene, &camera, Method::Frustum, &QuerySettings::default());
+        let visible = candidates(scene.exact, &camera, &seen);
+        Some(Seen {
+            frame: question.frame,
+            samples: samples(&visible, &seen),
+            visible,
+            in_frustum: by_size(&scene, camera.eye(), &in_view.visible),
+            milliseconds: started.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
+    /// What the camera of later sees, by voxels alone and few rays: it decides only what is loaded.
+    fn later(&self, question: &Question) -> Option<Vec<Priority>> {
+        // A predicted camera may be none: then nothing is expected.
+        let camera = question.later?.rays().ok()?;
+        let scene = QueryScene { filter: &question.filter, ..self.scene.query() };
+        let few = QuerySettings { rays_per_pixel: self.rays_per_pixel, ..QuerySettings::default() };
+        let seen = query(&scene, &camera, Method::Voxel, &few);
+        let visible = candidates(scene.exact, &camera, &seen);
+        let selection = density::select(&*self.levels, &visible, &self.lod, None);
+        Some(priorities(&selection, &visible, &samples(&visible, &seen)))
     }
 }
 
-fn answer(scene: &LoadedScene, visible: &mut CoherentQuery, question: &Question) -> Option<Answer> {
-    let started = Instant::now();
-    // Checked when it was asked.
-    let camera = question.camera.rays().ok()?;
-    let scene = QueryScene { filter: &question.filter, ..scene.query() };
-    if question.is_cut {
-        visible.reset();
-    }
-    let seen = visible.frame(&scene, &camera, &Silent)?.found;
-    let in_view = query(&scene, &camera, Method::Frustum, &QuerySettings::default());
-    let visible = candidates(scene.exact, &camera, &seen);
-    Some(Answer {
-        frame: question.frame,
-        is_later: false,
-        samples: visible.iter().map(|one| seen.samples[one.drawable as usize]).collect(),
-        visible,
-        in_frustum: by_size(&scene, camera.eye(), &in_view.visible),
-        milliseconds: started.elapsed().as_secs_f64() * 1e3,
-    })
+fn samples(visible: &[Candidate], seen: &VisibleSet) -> Vec<u32> {
+    visible.iter().map(|one| seen.samples[one.drawable as usize]).collect()
 }
 
-/// What a camera of later sees, by voxels alone and few rays: it decides only what is loaded.
-fn answer_later(
-    scene: &LoadedScene,
-    camera: &Camera,
-    question: &Question,
-    rays_per_pixel: RaysPerPixel,
-) -> Option<Answer> {
-    let started = Instant::now();
-    // A predicted camera may be none: then nothing is expected.
-    let camera = camera.rays().ok()?;
-    let scene = QueryScene { filter: &question.filter, ..scene.query() };
-    let few = QuerySettings { rays_per_pixel, ..QuerySettings::default() };
-    let seen = query(&scene, &camera, Method::Voxel, &few);
-    let visible = candidates(scene.exact, &camera, &seen);
-    Some(Answer {
-        frame: question.frame,
-        is_later: true,
-        samples: visible.iter().map(|one| seen.samples[one.drawable as usize]).collect(),
-        visible,
-        in_frustum: Vec::new(),
-        milliseconds: started.elapsed().as_secs_f64() * 1e3,
-    })
+/// What a selection wants, with the samples of what it was made for.
+pub(super) fn priorities(selection: &Selection, visible: &[Candidate], samples: &[u32]) -> Vec<Priority> {
+    let samples = |choice: &Choice| {
+        let at = visible.binary_search_by_key(&choice.drawable, |candidate| candidate.drawable);
+        at.map_or(0, |at| samples[at])
+    };
+    selection.choices.iter().map(|choice| Priority { choice: *choice, samples: samples(choice) }).collect()
 }
 
 /// Drawables of a set, those whose boxes look largest from here first.

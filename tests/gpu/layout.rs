@@ -20,6 +20,11 @@ fn members(texts: &[&str], name: &str) -> (Vec<(String, usize)>, usize) {
     (list, *span as usize)
 }
 
+/// The texts of a pipeline.
+fn texts_of(name: &str) -> &'static [&'static str] {
+    shader::PIPELINES.iter().find(|(label, _)| *label == name).unwrap().1
+}
+
 /// The same of one of ours.
 macro_rules! ours {
     ($type:ty: $($field:ident)*) => {
@@ -76,15 +81,15 @@ fn lights_dags_and_shadows_lie_in_memory_as_the_shaders_read_them() {
     assert_eq!(members(&[shader::DAG], "Dag"), dag);
     let shadow = ours!(ShadowUniform: eye_voxel voxels_per_unit eye_fraction first_sample sun sun_cap samples
         has_sun has_sky reach);
-    assert_eq!(members(&[shader::VIEW, shader::OCTAHEDRAL, shader::DAG, shader::SHADOW], "Shadow"), shadow);
+    assert_eq!(members(texts_of("shadow"), "Shadow"), shadow);
     let filter = ours!(FilterUniform: samples radius has_sun has_sky);
-    assert_eq!(members(&[shader::VIEW, shader::OCTAHEDRAL, shader::FILTER], "Filter"), filter);
-    let texts = [shader::DAG, shader::OWNERS, shader::QUERY];
+    assert_eq!(members(texts_of("filter"), "Filter"), filter);
+    let texts = texts_of("query");
     let owners = ours!(OwnersUniform: pages directory_at padding_0 padding_1);
-    assert_eq!(members(&texts, "Owners"), owners);
+    assert_eq!(members(texts, "Owners"), owners);
     let ray = ours!(ListedRay: base t_end fraction padding_0 direction padding_1);
-    assert_eq!(members(&texts, "ListedRay"), ray);
-    assert_eq!(members(&texts, "Query"), ours!(QueryUniform: rays row drawables padding_0));
+    assert_eq!(members(texts, "ListedRay"), ray);
+    assert_eq!(members(texts, "Query"), ours!(QueryUniform: rays row drawables padding_0));
 }
 
 #[test]
@@ -96,4 +101,65 @@ fn every_shader_is_valid_without_any_adapter() {
         assert!(found.is_ok(), "{name}: {found:?}");
         assert!(!module.entry_points.is_empty(), "{name}");
     }
+}
+
+/// The value of a constant of a shader, a number.
+fn constant(texts: &[&str], name: &str) -> f64 {
+    let module = naga::front::wgsl::parse_str(&texts.concat()).unwrap();
+    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap();
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(naga::Literal::U32(value)) => value.into(),
+        naga::Expression::Literal(naga::Literal::F32(value)) => value.into(),
+        ref other => panic!("{name}: {other:?}"),
+    }
+}
+
+#[test]
+fn constants_of_both_sides_are_the_same() {
+    use voxsight::gpu::{marks, query, shadow, target, twin};
+    for (name, texts) in shader::PIPELINES {
+        let all = texts.concat();
+        let expected = [
+            ("NOBODY", target::NOBODY.into()),
+            ("SELECTED", marks::SELECTED.into()),
+            ("HIGHLIGHTED", marks::HIGHLIGHTED.into()),
+            ("HIDDEN", query::HIDDEN.into()),
+            ("TRANSPARENT", query::TRANSPARENT.into()),
+            ("MOST_PASSED", twin::MOST_PASSED as f64),
+            ("MAX_STACK", twin::MAX_STACK as f64),
+            ("PARALLEL", twin::PARALLEL.into()),
+            ("NEGLIGIBLE", twin::NEGLIGIBLE.into()),
+        ];
+        for (constant_name, value) in expected {
+            if all.contains(&format!("const {constant_name}:")) {
+                assert_eq!(constant(texts, constant_name), value, "{constant_name} of {name}");
+            }
+        }
+        for (entry, side) in [("shadow", shadow::GROUP), ("filter", shadow::GROUP)] {
+            if name == entry {
+                let module = naga::front::wgsl::parse_str(&all).unwrap();
+                assert_eq!(module.entry_points[0].workgroup_size, [side, side, 1], "{name}");
+            }
+        }
+        if name == "query" {
+            let module = naga::front::wgsl::parse_str(&all).unwrap();
+            assert_eq!(module.entry_points[0].workgroup_size, [query::GROUP, 1, 1]);
+        }
+    }
+    let texts = shader::PIPELINES.iter().flat_map(|(_, texts)| texts.iter()).copied().collect::<String>();
+    let names = [
+        "NOBODY",
+        "SELECTED",
+        "HIGHLIGHTED",
+        "HIDDEN",
+        "TRANSPARENT",
+        "MOST_PASSED",
+        "MAX_STACK",
+        "PARALLEL",
+        "NEGLIGIBLE",
+    ];
+    assert!(
+        names.iter().all(|name| texts.contains(&format!("const {name}:"))),
+        "a constant has another name"
+    );
 }

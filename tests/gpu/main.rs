@@ -9,7 +9,9 @@ mod command;
 #[path = "../common/command.rs"]
 mod command_line;
 mod decode;
+mod filter;
 mod layout;
+mod memory;
 mod pictures;
 mod queries;
 mod rays;

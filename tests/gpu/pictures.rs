@@ -1,7 +1,8 @@
 //! Whole frames against the CPU's picture.
 
 use glam::DVec3;
-use voxsight::camera::{Camera, CameraRays, Projection};
+use voxsight::camera::{Camera, CameraRays, Plane, Projection};
+use voxsight::filter::Filter;
 use voxsight::gpu::Context;
 use voxsight::gpu::clear::ClearBricks;
 use voxsight::gpu::frame::{FrameInput, FrameRenderer};
@@ -27,6 +28,19 @@ pub struct Frame {
     pub picture: Vec<[u8; 4]>,
 }
 
+/// A frame with shadows.
+pub struct Shadowed {
+    pub frame: Frame,
+    /// As [`voxsight::gpu::target`] has them.
+    pub reversed: Vec<f32>,
+    pub normals: Vec<u32>,
+    /// Rays to sun and sky that nothing stopped, of so many samples.
+    pub free: Vec<[u32; 2]>,
+    pub samples: u32,
+    /// Shares of sun and sky.
+    pub reached: Vec<[f32; 2]>,
+}
+
 /// Draws what is asked for of a scene at level 0, everything resident.
 fn draw(
     context: &Context,
@@ -35,10 +49,10 @@ fn draw(
     lighting: &Lighting,
     is_drawn: impl Fn(u32) -> bool,
 ) -> Frame {
-    draw_frames(context, scene, camera, lighting, is_drawn, None, 1).0
+    draw_frames(context, scene, camera, lighting, is_drawn, None, 1).frame
 }
 
-/// Draws some frames with shadows: the last, and the shares of sun and sky that reach its pixels.
+/// Draws some frames with shadows, and tells of the last.
 pub fn draw_with_shadows(
     context: &Context,
     scene: &LoadedScene,
@@ -46,7 +60,7 @@ pub fn draw_with_shadows(
     lighting: &Lighting,
     shadows: ShadowSettings,
     frames: u32,
-) -> (Frame, Vec<[f32; 2]>) {
+) -> Shadowed {
     draw_frames(context, scene, camera, lighting, opaque(scene), Some(shadows), frames)
 }
 
@@ -58,16 +72,14 @@ fn draw_frames(
     is_drawn: impl Fn(u32) -> bool,
     shadows: Option<ShadowSettings>,
     frames: u32,
-) -> (Frame, Vec<[f32; 2]>) {
+) -> Shadowed {
     let all = scene.scene();
     let choices: Vec<Choice> = (0..all.drawables().len() as u32)
         .filter(|&drawable| is_drawn(drawable))
         .map(|drawable| Choice { drawable, level: 0 })
         .collect();
-    let page_of = |choice: &Choice| {
-        all.chunks()[all.drawables()[choice.drawable as usize].chunk as usize].first_level + choice.level
-    };
-    let mut pages: Vec<u32> = choices.iter().map(page_of).collect();
+    let mut pages: Vec<u32> =
+        choices.iter().map(|choice| all.page_of(choice.drawable, choice.level)).collect();
     pages.sort_unstable();
     pages.dedup();
     let encoded: Vec<(u32, Vec<u8>)> =
@@ -83,9 +95,10 @@ fn draw_frames(
         offsets.insert(page, at);
         at += padded(bytes.len() as u64);
     }
-    let list = DrawList::new(all, camera.eye(), &choices, |page| offsets.get(&page).copied());
+    let list = DrawList::new(all, camera, &choices, |page| offsets.get(&page).copied());
     let marks = Marks::default();
-    let input = FrameInput { list: &list, camera, lighting, up: DVec3::Y, marks: &marks, shadows, scene: 0 };
+    let clip = scene.query().filter.clip_planes();
+    let input = FrameInput { list: &list, clip, lighting, up: DVec3::Y, marks: &marks, shadows, scene: 0 };
     if shadows.is_some() {
         let query = scene.query();
         let clear = ClearBricks::new(&query.dag, &query.owners, |d| !query.exact.is_transparent(d));
@@ -94,18 +107,28 @@ fn draw_frames(
     for _ in 0..frames {
         renderer.draw(&input).unwrap();
     }
-    let reached = renderer.reached().map(|buffer| context.read(buffer).unwrap());
-    let reached = reached.map(|bytes| bytemuck::pod_collect_to_vec(&bytes)).unwrap_or_default();
+    let reached =
+        renderer.reached().map(|buffer| bytemuck::pod_collect_to_vec(&context.read(buffer).unwrap()));
+    let free = renderer.free().map(|(free, _)| bytemuck::pod_collect_to_vec(&context.read(free).unwrap()));
+    let samples = renderer.shadow_samples();
     let targets = renderer.targets();
     let reversed: Vec<f32> = targets.depth.read(context).unwrap();
-    let view = voxsight::gpu::view::ViewUniform::new(camera, bounds.0, bounds.1);
-    let depth = |r: f32| if view.near > 0.0 { view.near / r } else { (1.0 - r) * view.far };
+    let view = voxsight::gpu::view::ViewUniform::new(&list.camera, bounds.0, bounds.1);
+    let before = (list.camera.eye() - camera.eye()).dot(camera.forward()) as f32;
+    let depth = |r: f32| if view.near > 0.0 { view.near / r } else { before + (1.0 - r) * view.far };
     let frame = Frame {
         drawables: targets.drawable.read(context).unwrap(),
-        depths: reversed.into_iter().map(depth).collect(),
+        depths: reversed.iter().map(|&r| depth(r)).collect(),
         picture: targets.picture.read(context).unwrap(),
     };
-    (frame, reached)
+    Shadowed {
+        frame,
+        reversed,
+        normals: targets.normal.read(context).unwrap(),
+        free: free.unwrap_or_default(),
+        samples,
+        reached: reached.unwrap_or_default(),
+    }
 }
 
 /// All but glass.
@@ -207,8 +230,23 @@ fn drawables_are_those_of_exact_but_for_silhouettes() {
             ..cameras[0].1
         },
     ));
-    for (name, camera) in cameras {
+    let (sight, far) = (cameras[3].1, 1e4 * (max - min));
+    let (eye, target) = (DVec3::from(sight.eye), DVec3::from(sight.target));
+    let eye = eye + far.length() * (eye - target).normalize_or_zero();
+    cameras.push(("parallel from afar", Camera { eye: eye.into(), ..sight }));
+    for (name, camera, is_cut) in cameras.iter().map(|(name, camera)| (*name, camera, false)).chain([
+        ("outside, cut", &cameras[0].1, true),
+        ("inside, cut", &cameras[2].1, true),
+        ("parallel, cut", &cameras[3].1, true),
+    ]) {
         let camera = camera.rays().unwrap();
+        *scene.filter_mut() = Filter::default();
+        if is_cut {
+            scene
+                .filter_mut()
+                .clip_by(Plane { normal: DVec3::new(1.0, 0.1, 0.2), point: centre + 4.0 * DVec3::X });
+            scene.filter_mut().clip_by(Plane { normal: DVec3::NEG_Y, point: centre + DVec3::Y * 2.0 });
+        }
         let film = reference(&mut scene, &camera, &lighting);
         let frame = draw(context, &scene, &camera, &lighting, opaque(&scene));
         let share = compare(name, &frame, &film, size);

@@ -1,7 +1,8 @@
 //! The shadow pass against the CPU's voxel shadows.
 
 use glam::DVec3;
-use voxsight::camera::{Camera, Projection};
+use voxsight::camera::{Camera, Plane, Projection};
+use voxsight::filter::Filter;
 use voxsight::gpu::shadow::ShadowSettings;
 use voxsight::gpu::target::NOBODY;
 use voxsight::progress::Silent;
@@ -10,7 +11,7 @@ use voxsight::sample::{PlantSettings, plant};
 
 use super::common::{build_model, load};
 use super::context;
-use super::pictures::{draw_with_shadows, hide_glass};
+use super::pictures::{Shadowed, draw_with_shadows, hide_glass};
 
 #[test]
 fn hard_shadows_are_those_of_the_cpus_voxels() {
@@ -34,10 +35,22 @@ fn hard_shadows_are_those_of_the_cpus_voxels() {
     };
     let sun = Sun { direction: DVec3::new(0.4, 1.0, 0.3), angle_deg: 0.0 };
     let lighting = Lighting { key: KeyLight::Sun(sun), sky: Sky::Plain, areas: Vec::new(), fill: 1.0 };
-    for (name, camera) in [("outside", outside), ("inside", inside)] {
+    for (name, camera, is_cut) in [
+        ("outside", outside, false),
+        ("inside", inside, false),
+        ("outside, cut", outside, true),
+        ("inside, cut", inside, true),
+    ] {
         let camera = camera.rays().unwrap();
         let shadows = ShadowSettings { samples: 1, smooth: false };
-        let (frame, reached) = draw_with_shadows(context, &scene, &camera, &lighting, shadows, 1);
+        *scene.filter_mut() = Filter::default();
+        if is_cut {
+            // Towards the sun something is taken away, and something at the side.
+            scene.filter_mut().clip_by(Plane { normal: DVec3::NEG_Y, point: centre + 2.0 * DVec3::Y });
+            scene.filter_mut().clip_by(Plane { normal: DVec3::new(1.0, 0.1, 0.2), point: centre });
+        }
+        let Shadowed { frame, reached, .. } =
+            draw_with_shadows(context, &scene, &camera, &lighting, shadows, 1);
         hide_glass(&mut scene, |scene| {
             let settings = RenderSettings {
                 samples_per_pixel: 1,
@@ -92,7 +105,8 @@ fn soft_light_gathers_to_the_shares_of_the_cpu() {
     let samples = 256;
     let shadows = ShadowSettings { samples: 32, smooth: true };
     // Frame after frame of a still camera.
-    let (frame, reached) = draw_with_shadows(context, &scene, &camera, &lighting, shadows, samples / 32);
+    let Shadowed { frame, reached, .. } =
+        draw_with_shadows(context, &scene, &camera, &lighting, shadows, samples / 32);
     hide_glass(&mut scene, |scene| {
         let settings = RenderSettings {
             samples_per_pixel: 1,

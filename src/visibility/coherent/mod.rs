@@ -238,6 +238,7 @@ impl Culling for CoherentQuery {
         camera: &CameraRays,
         progress: &dyn Progress,
     ) -> Option<CulledFrame> {
+        let camera = &scene.exact.brought_near(camera);
         let mut stages = Vec::new();
         let is_still = timed(&mut stages, "begin", || self.begin(scene, camera));
         if is_still && self.has_enough(camera) {
