@@ -8,6 +8,8 @@
 @group(0) @binding(4) var normals: texture_2d<u32>;
 // Rays that nothing stopped, of all samples so far: towards the sun, into the sky.
 @group(0) @binding(6) var<storage, read_write> free: array<vec2u>;
+// Where there are several sets of voxels: rays of this dispatch that those before have stopped, two bits a sample.
+@group(0) @binding(7) var<storage, read_write> stopped: array<u32>;
 
 // `gpu::shadow::ShadowUniform`.
 struct Shadow {
@@ -27,6 +29,11 @@ struct Shadow {
     has_sky: u32,
     // How far away things still take light of the sky, voxels.
     reach: f32,
+    // Of several sets of voxels, is this the first, is it the last?
+    is_first: u32,
+    is_last: u32,
+    padding_0: u32,
+    padding_1: u32,
 }
 
 const NOBODY: u32 = 0xffffffffu;
@@ -93,23 +100,36 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
     let point = point_at(view, vec2f(id.xy) + 0.5, depth);
     let height = HEIGHT * (abs(normal.x) + abs(normal.y) + abs(normal.z));
     let lifted = point * shadow.voxels_per_unit + normal * height;
-    var sums = select(free[index], vec2u(0u), shadow.first_sample == 0u);
-    for (var sample = shadow.first_sample; sample < shadow.first_sample + shadow.samples; sample++) {
-        if shadow.has_sun != 0u {
+    var bits = 0u;
+    if shadow.is_first == 0u {
+        bits = stopped[index];
+    }
+    for (var i = 0u; i < shadow.samples; i++) {
+        let sample = shadow.first_sample + i;
+        if shadow.has_sun != 0u && (bits & (1u << (2u * i))) == 0u {
             let u = numbers(index, 0u, sample);
             let direction = around(shadow.sun, u.x * shadow.sun_cap, u.y);
-            if dot(normal, direction) > 0.0 && !is_stopped(lifted, direction, ENDLESS) {
-                sums.x++;
+            if dot(normal, direction) <= 0.0 || is_stopped(lifted, direction, ENDLESS) {
+                bits |= 1u << (2u * i);
             }
         }
-        if shadow.has_sky != 0u {
+        if shadow.has_sky != 0u && (bits & (2u << (2u * i))) == 0u {
             // Evenly in cos^2.
             let u = numbers(index, 1u, sample);
             let direction = around(normal, 1.0 - sqrt(1.0 - u.x), u.y);
-            if !is_stopped(lifted, direction, shadow.reach) {
-                sums.y++;
+            if is_stopped(lifted, direction, shadow.reach) {
+                bits |= 2u << (2u * i);
             }
         }
+    }
+    if shadow.is_last == 0u {
+        stopped[index] = bits;
+        return;
+    }
+    var sums = select(free[index], vec2u(0u), shadow.first_sample == 0u);
+    let kinds = vec2u(shadow.has_sun, shadow.has_sky);
+    for (var i = 0u; i < shadow.samples; i++) {
+        sums += kinds * (vec2u(1u) - ((vec2u(bits) >> vec2u(2u * i, 2u * i + 1u)) & vec2u(1u)));
     }
     free[index] = sums;
 }

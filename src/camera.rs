@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::ray::Ray;
 
 /// Largest side of an image.
-const MAX_SIDE: u32 = 65_536;
+pub const MAX_SIDE: u32 = 65_536;
 
 /// Why a camera cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

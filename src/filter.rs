@@ -1,14 +1,37 @@
-//! What a view leaves out: hidden drawables, and everything on the outer side of clip planes. Nothing is rebuilt for it.
+//! What a view leaves out: hidden drawables, and everything on the outer side of clip planes; and what it looks through. Nothing is
+//! rebuilt for it.
 
 use crate::camera::Plane;
 use crate::ray::Ray;
 use glam::DVec3;
 
-/// Hidden drawables and clip planes. The default leaves out nothing.
+/// How opaque a drawable is drawn that is looked through (x-ray), of 255.
+pub const SEEN_THROUGH_ALPHA: u8 = 40;
+
+/// A set of drawables: a bit each; words that are missing have none.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Bits(Vec<u64>);
+
+impl Bits {
+    fn set(&mut self, drawable: u32, is_in: bool) {
+        let (word, bit) = (drawable as usize / 64, 1 << (drawable % 64));
+        if self.0.len() <= word {
+            self.0.resize(word + 1, 0);
+        }
+        if is_in { self.0[word] |= bit } else { self.0[word] &= !bit }
+    }
+
+    #[inline]
+    fn has(&self, drawable: u32) -> bool {
+        self.0.get(drawable as usize / 64).is_some_and(|word| word >> (drawable % 64) & 1 == 1)
+    }
+}
+
+/// Hidden drawables, clip planes, and drawables that are looked through. The default leaves out nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Filter {
-    /// Bit a drawable; words that are missing have none.
-    hidden: Vec<u64>,
+    hidden: Bits,
+    seen_through: Bits,
     /// Only what is inside all of them is there.
     clip: Vec<Plane>,
 }
@@ -16,17 +39,24 @@ pub struct Filter {
 impl Filter {
     /// Hides a drawable, or shows it again.
     pub fn set_hidden(&mut self, drawable: u32, is_hidden: bool) {
-        let (word, bit) = (drawable as usize / 64, 1 << (drawable % 64));
-        if self.hidden.len() <= word {
-            self.hidden.resize(word + 1, 0);
-        }
-        if is_hidden { self.hidden[word] |= bit } else { self.hidden[word] &= !bit }
+        self.hidden.set(drawable, is_hidden);
     }
 
     /// Is it hidden?
     #[inline]
     pub fn is_hidden(&self, drawable: u32) -> bool {
-        self.hidden.get(drawable as usize / 64).is_some_and(|word| word >> (drawable % 64) & 1 == 1)
+        self.hidden.has(drawable)
+    }
+
+    /// Looks through a drawable as if it were of glass, or does not any more: it neither hides what is behind it nor casts shadows.
+    pub fn set_seen_through(&mut self, drawable: u32, is_seen_through: bool) {
+        self.seen_through.set(drawable, is_seen_through);
+    }
+
+    /// Is it looked through, whatever it is made of?
+    #[inline]
+    pub fn is_seen_through(&self, drawable: u32) -> bool {
+        self.seen_through.has(drawable)
     }
 
     /// Adds a clip plane: what is not inside of it is not there.

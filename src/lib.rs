@@ -11,10 +11,12 @@
 //! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and
 //!   how wrong the answer is; [`render`] makes a picture of it, with soft shadows, and files of any size
 //!   ([`render::file`]).
+//! - [`moved`] is where parts are that a user has moved.
 //! - [`lod`] chooses how fine what is visible is drawn, under a budget; [`streaming`] keeps a memory of fixed size filled with
 //!   it.
 //! - `gpu` (a feature) draws what is resident and casts rays through the voxels there; `walkthrough` is the frame loop over all
 //!   of these: query, levels, streaming, drawing.
+//! - `viewer` (a feature) is the window in which a scene is walked through; its sessions know no window.
 //! - [`occlusion`] finds the same with boxes and depth images: the methods that the voxels are compared with. `lab`
 //!   (a feature) runs methods over many views and reports run time against error.
 //! - [`progress`] is how long work tells where it stands and learns that it should stop; `atomic_file` makes written
@@ -43,6 +45,7 @@ pub mod lab;
 pub mod loaded;
 pub mod lod;
 pub mod model;
+pub mod moved;
 pub mod occlusion;
 pub mod prepare;
 pub mod progress;
@@ -52,6 +55,8 @@ pub mod report;
 pub mod sample;
 pub mod scene;
 pub mod streaming;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 pub mod visibility;
 #[cfg(feature = "gpu")]
 pub mod walkthrough;

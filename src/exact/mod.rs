@@ -8,6 +8,7 @@ mod chunk_bvh;
 pub mod intersect;
 mod packet;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3A};
@@ -68,7 +69,7 @@ static SCENES: AtomicU64 = AtomicU64::new(0);
 /// All level-0 triangles of a scene, ready for rays.
 pub struct ExactScene {
     id: u64,
-    chunks: Vec<ChunkBvh>,
+    chunks: Arc<[ChunkBvh]>,
     instances: Vec<Placed>,
     /// Of the instances, widened, relative to `centre`.
     boxes: Vec<Aabb>,
@@ -85,6 +86,15 @@ impl ExactScene {
     /// Builds the hierarchies: one for each chunk, one over the instances. Transforms must be finite and invertible.
     pub fn new(chunks: Vec<ChunkMesh>, instances: &[Instance]) -> Self {
         let chunks: Vec<ChunkBvh> = chunks.into_par_iter().map(ChunkBvh::new).collect();
+        Self::placed(chunks.into(), instances)
+    }
+
+    /// A scene of the same chunks, placed otherwise.
+    pub fn with_instances(&self, instances: &[Instance]) -> Self {
+        Self::placed(Arc::clone(&self.chunks), instances)
+    }
+
+    fn placed(chunks: Arc<[ChunkBvh]>, instances: &[Instance]) -> Self {
         let boxes: Vec<(DVec3, DVec3)> = instances
             .par_iter()
             .map(|instance| {
@@ -136,7 +146,7 @@ impl ExactScene {
                 return t_max;
             }
             if let Some(hit) = self.closest_of(drawable, &Ray { t_max, ..ray }) {
-                if self.instances[drawable as usize].transparent {
+                if self.is_transparent(drawable) || filter.is_seen_through(drawable) {
                     through(hit);
                 } else if is_nearer(&hit, &best) {
                     best = Some(hit);
@@ -169,7 +179,8 @@ impl ExactScene {
         let mut found = false;
         let Some(ray) = filter.clipped(ray) else { return false };
         self.visit(&ray, |drawable, _| {
-            let casts = !self.instances[drawable as usize].transparent && !filter.is_hidden(drawable);
+            let is_clear = self.is_transparent(drawable) || filter.is_seen_through(drawable);
+            let casts = !is_clear && !filter.is_hidden(drawable);
             if casts && self.meets(drawable, &ray) {
                 found = true;
                 return f64::NEG_INFINITY;

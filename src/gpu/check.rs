@@ -33,9 +33,9 @@ pub fn check(
     drawables: &[u32],
     progress: &dyn Progress,
 ) -> Option<Difference> {
-    let query = scene.query();
+    let query = QueryScene { filter, ..scene.query() };
     let mut opaque = filter.clone();
-    let glass = (0..query.exact.drawable_count()).filter(|&d| query.exact.is_transparent(d));
+    let glass = (0..query.exact.drawable_count()).filter(|&drawable| query.is_transparent(drawable));
     glass.for_each(|drawable| opaque.set_hidden(drawable, true));
     let picture = scene.picture();
     let picture = RenderScene { query: QueryScene { filter: &opaque, ..picture.query }, ..picture };

@@ -101,18 +101,16 @@ impl Context {
     }
 
     fn with_adapter(adapter: &Adapter, settings: &ContextSettings) -> Result<Self, GpuError> {
-        let info = adapter.get_info();
-        let name = info.name.clone();
-        let offered = adapter.features();
-        let wanted = Features::INDIRECT_FIRST_INSTANCE | Features::TIMESTAMP_QUERY;
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("voxsight"),
-            required_features: offered & wanted,
-            required_limits: needed_limits(&adapter.limits(), &name)?,
-            ..Default::default()
-        };
+        let name = adapter.get_info().name;
+        let descriptor = device_descriptor(adapter)?;
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|error| GpuError::Device { adapter: name.clone(), reason: error.to_string() })?;
+            .map_err(|error| GpuError::Device { adapter: name, reason: error.to_string() })?;
+        Ok(Self::of_device(adapter, device, queue, settings))
+    }
+
+    /// Of a device that somebody else has started, as [`device_descriptor`] says. Its errors are told here from now on.
+    pub fn of_device(adapter: &Adapter, device: Device, queue: Queue, settings: &ContextSettings) -> Self {
+        let (info, offered) = (adapter.get_info(), device.features());
         let fault = Arc::new(Mutex::new(None));
         let told = Arc::clone(&fault);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&told, error.to_string())));
@@ -126,17 +124,17 @@ impl Context {
         });
         let limits = device.limits();
         let bound = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        Ok(Context {
+        Context {
             has_indirect: offered.contains(Features::INDIRECT_FIRST_INSTANCE) && !settings.direct_draws,
             has_timestamps: offered.contains(Features::TIMESTAMP_QUERY),
             most_bound: bound,
             kind: info.device_type,
-            name,
+            name: info.name,
             device,
             queue,
             fault,
             lost,
-        })
+        }
     }
 
     /// Makes a buffer with these contents. A buffer that cannot be had is told by [`Context::check`], as all that fails there.
@@ -295,6 +293,21 @@ async fn find_adapter(
     let is_wanted =
         |adapter: &Adapter| adapter.get_info().name.to_lowercase().contains(&wanted.to_lowercase());
     adapters.into_iter().find(is_wanted).ok_or(GpuError::NotNamed { wanted, found: names })
+}
+
+/// What is asked of a device: what the adapter has of what is used here.
+///
+/// # Errors
+///
+/// The adapter lacks what is needed.
+pub fn device_descriptor(adapter: &Adapter) -> Result<wgpu::DeviceDescriptor<'static>, GpuError> {
+    let wanted = Features::INDIRECT_FIRST_INSTANCE | Features::TIMESTAMP_QUERY;
+    Ok(wgpu::DeviceDescriptor {
+        label: Some("voxsight"),
+        required_features: adapter.features() & wanted,
+        required_limits: needed_limits(&adapter.limits(), &adapter.get_info().name)?,
+        ..Default::default()
+    })
 }
 
 /// The adapter's own limits, so that nothing is refused that it can do.

@@ -17,7 +17,7 @@ use super::marks::Marks;
 use super::memory::{Copies, PagedMemory};
 use super::pages::PageInputs;
 use super::shade::{LightInputs, ShadeInputs, ShadePass};
-use super::shadow::{ShadowInputs, ShadowPass, ShadowSettings};
+use super::shadow::{Caster, ShadowInputs, ShadowPass, ShadowSettings};
 use super::target::Targets;
 use super::timer::{Recording, Timer};
 use super::view::ViewUniform;
@@ -46,11 +46,10 @@ pub struct FrameInput<'a> {
     pub scene: u64,
 }
 
-/// Voxels that cast shadows.
+/// Voxels that cast shadows: first the scene's, then those of what was moved, if there are any.
 #[derive(Debug)]
 struct Voxels {
-    dag: GpuDag,
-    grid: Grid,
+    casters: Vec<Caster>,
     pass: ShadowPass,
 }
 
@@ -66,24 +65,17 @@ pub struct FrameRenderer {
     voxels: Option<Voxels>,
     shade: ShadePass,
     timer: Timer,
-    /// Corners of the scene.
-    bounds: (DVec3, DVec3),
     /// Stands for the shares of light where nothing casts shadows.
     nothing: wgpu::Buffer,
 }
 
 impl FrameRenderer {
-    /// For a scene between two corners, in pictures of this size; `budget` bytes hold its pages.
+    /// For pictures of this size; `budget` bytes hold a scene's pages.
     ///
     /// # Errors
     ///
     /// More than the adapter can hold.
-    pub fn new(
-        context: &Context,
-        budget: u64,
-        bounds: (DVec3, DVec3),
-        size: (u32, u32),
-    ) -> Result<Self, GpuError> {
+    pub fn new(context: &Context, budget: u64, size: (u32, u32)) -> Result<Self, GpuError> {
         let memory = PagedMemory::new(context, budget)?;
         let renderer = FrameRenderer {
             geometry: GeometryPass::new(context, memory.slabs()),
@@ -95,7 +87,6 @@ impl FrameRenderer {
             nothing: context.buffer("nothing", &[0u32; 2], BufferUsages::STORAGE),
             context: context.clone(),
             memory,
-            bounds,
         };
         context.check()?;
         Ok(renderer)
@@ -108,8 +99,23 @@ impl FrameRenderer {
     /// More than the adapter can hold.
     pub fn set_voxels(&mut self, dag: &DagRef, grid: &Grid, clear: &ClearBricks) -> Result<(), GpuError> {
         let dag = GpuDag::new(&self.context, dag, clear)?;
-        let pass = ShadowPass::new(&self.context, &dag);
-        self.voxels = Some(Voxels { dag, grid: *grid, pass });
+        let casters = vec![Caster { dag, grid: *grid }];
+        self.voxels = Some(Voxels { casters, pass: ShadowPass::new(&self.context) });
+        self.context.check()
+    }
+
+    /// Makes other voxels cast shadows beside the scene's: those of what was moved. Nothing without [`FrameRenderer::set_voxels`].
+    ///
+    /// # Errors
+    ///
+    /// More than the adapter can hold.
+    pub fn set_moved_voxels(&mut self, moved: Option<(&DagRef, &Grid)>) -> Result<(), GpuError> {
+        let Some(voxels) = &mut self.voxels else { return Ok(()) };
+        voxels.casters.truncate(1);
+        if let Some((dag, grid)) = moved {
+            let dag = GpuDag::new(&self.context, dag, &ClearBricks::default())?;
+            voxels.casters.push(Caster { dag, grid: *grid });
+        }
         self.context.check()
     }
 
@@ -119,7 +125,9 @@ impl FrameRenderer {
     ///
     /// More bricks than a buffer holds.
     pub fn set_clear(&mut self, clear: &ClearBricks) -> Result<(), GpuError> {
-        self.voxels.as_mut().map_or(Ok(()), |voxels| voxels.dag.set_clear(&self.context, clear))
+        let casters = self.voxels.as_mut().map(|voxels| &mut voxels.casters);
+        let scene = casters.and_then(|casters| casters.first_mut());
+        scene.map_or(Ok(()), |caster| caster.dag.set_clear(&self.context, clear))
     }
 
     /// Do voxels cast shadows?
@@ -144,7 +152,7 @@ impl FrameRenderer {
 
     /// Bytes of the voxel DAG.
     pub fn voxel_bytes(&self) -> u64 {
-        self.voxels.as_ref().map_or(0, |voxels| voxels.dag.bytes())
+        self.voxels.as_ref().map_or(0, |voxels| voxels.casters.iter().map(|caster| caster.dag.bytes()).sum())
     }
 
     /// Copies what was written into the memory. Does not wait.
@@ -167,11 +175,14 @@ impl FrameRenderer {
     /// The driver has reported one, here or before; larger than the adapter's textures.
     pub fn draw(&mut self, input: &FrameInput) -> Result<(), GpuError> {
         let FrameRenderer { context, memory, geometry, glass, shade, timer, .. } = self;
-        let camera = &input.list.camera;
+        let (camera, bounds) = (&input.list.camera, input.list.bounds);
+        let pixels = u64::from(camera.size().0) * u64::from(camera.size().1);
+        // Before anything is recorded: what is not submitted would be lost.
+        context.check_bound("bytes of shadows, 8 a pixel", 8 * pixels)?;
         if self.targets.size != camera.size() {
             self.targets = Targets::new(context, camera.size())?;
         }
-        let view = context.uniform("view", &ViewUniform::new(camera, self.bounds.0, self.bounds.1));
+        let view = context.uniform("view", &ViewUniform::new(camera, bounds.0, bounds.1));
         let clip = ClipPlanes::new(context, input.clip, camera.eye());
         let marks = input.marks.buffer(context);
         timer.begin();
@@ -191,18 +202,18 @@ impl FrameRenderer {
         };
         geometry.record(&mut recording, &pages, &self.targets);
         let reached = match (&mut self.voxels, input.shadows) {
-            (Some(Voxels { dag, grid, pass }), Some(settings)) => {
+            (Some(Voxels { casters, pass }), Some(settings)) => {
                 let inputs = ShadowInputs {
-                    dag,
-                    grid,
+                    casters,
                     camera,
                     view: &view,
                     clip: &clip,
+                    planes: input.clip,
                     lighting: input.lighting,
                     scene: input.scene,
                     settings,
                 };
-                pass.record(&mut recording, &inputs, &self.targets)?.then(|| pass.reached())
+                pass.record(&mut recording, &inputs, &self.targets).then(|| pass.reached())
             }
             _ => None,
         };

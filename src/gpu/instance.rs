@@ -8,7 +8,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3, IVec3};
 
 use crate::camera::CameraRays;
+use crate::filter::{Filter, SEEN_THROUGH_ALPHA};
 use crate::lod::Choice;
+use crate::moved::Moved;
 use crate::scene::Scene;
 use crate::streaming::PageLayout;
 
@@ -113,11 +115,22 @@ pub struct Draw {
     pub first_instance: u32,
 }
 
+/// What a user has changed about how drawables look.
+#[derive(Clone, Copy)]
+pub struct Changes<'a> {
+    /// What is hidden, and looked through.
+    pub filter: &'a Filter,
+    /// What is elsewhere.
+    pub moved: Option<&'a Moved>,
+}
+
 /// What a frame draws.
 #[derive(Clone, Debug)]
 pub struct DrawList {
     /// Whose eye instances are relative to.
     pub camera: CameraRays,
+    /// Corners of a box around all that may be drawn.
+    pub bounds: (DVec3, DVec3),
     /// Those that share a page lie together.
     pub instances: Vec<Instance>,
     /// Of what is opaque, a draw a page.
@@ -129,26 +142,35 @@ pub struct DrawList {
 }
 
 impl DrawList {
-    /// Lists resident drawables, for a camera. `offset_of` tells where in the pool a page is; what is not there is left out.
+    /// Lists resident drawables, for a camera: `changes` is what is looked through and moved. `offset_of` tells where in the pool
+    /// a page is; what is not there is left out.
     pub fn new(
         scene: &Scene,
         camera: &CameraRays,
         drawn: &[Choice],
+        changes: &Changes,
         offset_of: impl Fn(u32) -> Option<u64>,
     ) -> Self {
         let bounds = scene.meta().bounds;
+        let mut bounds = (DVec3::from(bounds.min), DVec3::from(bounds.max));
+        if let Some((min, max)) = changes.moved.and_then(Moved::bounds) {
+            bounds = (bounds.0.min(min), bounds.1.max(max));
+        }
         // However far away it is: f32 shall do.
-        let camera = camera.brought_near(bounds.min.into(), bounds.max.into());
+        let camera = camera.brought_near(bounds.0, bounds.1);
         let eye = camera.eye();
         let page_of = |choice: &Choice| scene.page_of(choice.drawable, choice.level);
-        let object_of = |choice: &Choice| &scene.objects()[scene.drawable_object(choice.drawable) as usize];
-        let mut order: Vec<(bool, u32, Choice)> = drawn
-            .iter()
-            .map(|choice| (object_of(choice).colour[3] < 255, page_of(choice), *choice))
-            .collect();
+        let colour_of = |choice: &Choice| {
+            let [r, g, b, a] = scene.objects()[scene.drawable_object(choice.drawable) as usize].colour;
+            let is_seen_through = changes.filter.is_seen_through(choice.drawable);
+            [r, g, b, if is_seen_through { a.min(SEEN_THROUGH_ALPHA) } else { a }]
+        };
+        let shown = drawn.iter().filter(|choice| !changes.filter.is_hidden(choice.drawable));
+        let mut order: Vec<(bool, u32, Choice)> =
+            shown.map(|choice| (colour_of(choice)[3] < 255, page_of(choice), *choice)).collect();
         order.sort_unstable();
         let (instances, opaque, transparent) = (Vec::new(), Vec::new(), Vec::new());
-        let mut list = DrawList { camera, instances, opaque, transparent, triangles: 0 };
+        let mut list = DrawList { camera, bounds, instances, opaque, transparent, triangles: 0 };
         for group in order.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let [(is_transparent, page, _), ..] = *group else { continue };
             let Some(offset) = offset_of(page) else { continue };
@@ -157,15 +179,17 @@ impl DrawList {
             let first_instance = list.instances.len() as u32;
             list.instances.extend(group.iter().map(|(.., choice)| {
                 let chunk = scene.drawables()[choice.drawable as usize].chunk;
-                let object = object_of(choice);
+                let object = scene.drawable_object(choice.drawable);
+                let part = scene.objects()[object as usize].part;
+                let moved = changes.moved.and_then(|moved| moved.world_from_part(object));
                 let placement = Placement {
                     offset: scene.chunks()[chunk as usize].offset,
-                    step: glam::Vec3::from(scene.parts()[object.part as usize].step).as_dvec3(),
-                    world_from_part: DAffine3::from_cols_array(&object.world_from_part),
+                    step: glam::Vec3::from(scene.parts()[part as usize].step).as_dvec3(),
+                    world_from_part: moved.unwrap_or_else(|| scene.world_from_part(object)),
                 };
                 Instance {
                     drawable: choice.drawable,
-                    colour: u32::from_le_bytes(object.colour),
+                    colour: u32::from_le_bytes(colour_of(choice)),
                     ..Instance::placed(&placement, eye).with_page(&layout, offset)
                 }
             }));

@@ -251,7 +251,7 @@ fn kinds(scene: &QueryScene) -> Vec<u32> {
     let mut words = vec![0u32; drawables.div_ceil(16).max(1) as usize];
     for drawable in 0..drawables {
         let hidden = if scene.filter.is_hidden(drawable) { HIDDEN } else { 0 };
-        let transparent = if scene.exact.is_transparent(drawable) { TRANSPARENT } else { 0 };
+        let transparent = if scene.is_transparent(drawable) { TRANSPARENT } else { 0 };
         words[drawable as usize / 16] |= (hidden | transparent) << (2 * (drawable % 16));
     }
     words

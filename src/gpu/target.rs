@@ -1,5 +1,7 @@
 //! Textures that a frame is drawn into, and how they are read back.
 
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
 use bytemuck::Pod;
 use wgpu::{Extent3d, Texture, TextureFormat, TextureUsages, TextureView};
 
@@ -50,19 +52,10 @@ impl Target {
         Target { texture, view }
     }
 
-    /// Copies it back, row by row, and waits. `T` is a texel.
-    ///
-    /// # Errors
-    ///
-    /// The driver reports one.
-    ///
-    /// # Panics
-    ///
-    /// `T` is not as long as a texel.
-    pub fn read<T: Pod>(&self, context: &Context) -> Result<Vec<T>, GpuError> {
+    /// Copies it back; does not wait. (All of it: no piece of a depth buffer can be copied alone.)
+    pub fn read_later(&self, context: &Context) -> TextureRead {
         let (width, height) = (self.texture.width(), self.texture.height());
         let texel = self.texture.format().block_copy_size(None).unwrap_or(0);
-        assert_eq!(size_of::<T>(), texel as usize, "a texel");
         let row = (width * texel).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let staging = context.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
@@ -73,15 +66,73 @@ impl Target {
         let mut encoder = context.device.create_command_encoder(&Default::default());
         let layout =
             wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-        encoder.copy_texture_to_buffer(
-            self.texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &staging, layout },
-            self.texture.size(),
-        );
+        let to = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
+        encoder.copy_texture_to_buffer(self.texture.as_image_copy(), to, self.texture.size());
         context.queue.submit([encoder.finish()]);
-        let bytes = context.read_mapped(&staging)?;
-        let rows = bytes.chunks(row as usize).map(|row| &row[..(width * texel) as usize]);
-        Ok(rows.flat_map(bytemuck::pod_collect_to_vec::<u8, T>).collect())
+        let (tell, mapped) = channel();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            // Nobody wants to know any more.
+            let _ = tell.send(result);
+        });
+        TextureRead { staging, mapped, row, width, height, texel }
+    }
+
+    /// Copies it back, row by row, and waits. `T` is a texel.
+    ///
+    /// # Errors
+    ///
+    /// The driver reports one.
+    ///
+    /// # Panics
+    ///
+    /// `T` is not as long as a texel.
+    pub fn read<T: Pod>(&self, context: &Context) -> Result<Vec<T>, GpuError> {
+        let read = self.read_later(context);
+        context.wait()?;
+        // Another thread's poll may be about to tell it.
+        loop {
+            if let Some(texels) = read.take(context)? {
+                return Ok(texels);
+            }
+            std::thread::yield_now();
+        }
+    }
+}
+
+/// A texture on its way back.
+#[derive(Debug)]
+pub struct TextureRead {
+    staging: wgpu::Buffer,
+    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
+    row: u32,
+    width: u32,
+    height: u32,
+    texel: u32,
+}
+
+impl TextureRead {
+    /// The texels row by row, when they are there. `T` is a texel.
+    ///
+    /// # Errors
+    ///
+    /// The driver reports one; they were taken before.
+    ///
+    /// # Panics
+    ///
+    /// `T` is not as long as a texel.
+    pub fn take<T: Pod>(&self, context: &Context) -> Result<Option<Vec<T>>, GpuError> {
+        assert_eq!(size_of::<T>(), self.texel as usize, "a texel");
+        context.poll(wgpu::PollType::Poll)?;
+        let failed = |reason: String| GpuError::Failed(reason);
+        match self.mapped.try_recv() {
+            Err(TryRecvError::Empty) => return Ok(None),
+            Err(TryRecvError::Disconnected) => return Err(failed("texels were taken twice".into())),
+            Ok(mapped) => mapped.map_err(|error| failed(error.to_string()))?,
+        }
+        let bytes = self.staging.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
+        let rows = bytes.chunks(self.row as usize).take(self.height as usize);
+        let texels = rows.map(|row| &row[..(self.width * self.texel) as usize]);
+        Ok(Some(texels.flat_map(bytemuck::pod_collect_to_vec::<u8, T>).collect()))
     }
 }
 

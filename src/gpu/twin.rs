@@ -242,7 +242,7 @@ pub fn count(scene: &QueryScene, rays: &[GridRay]) -> Tally {
                 for owner in owners.filter(|&owner| !scene.filter.is_hidden(owner)) {
                     has_met = true;
                     tally.seen[owner as usize] = true;
-                    if !scene.exact.is_transparent(owner) {
+                    if !scene.is_transparent(owner) {
                         opaque = opaque.or(Some(owner));
                     } else if !passed.contains(&owner) {
                         tally.samples[owner as usize] += 1;

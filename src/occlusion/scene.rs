@@ -123,7 +123,9 @@ impl OcclusionScene {
     ) {
         let drawings: Vec<Drawing> = drawables
             .into_iter()
-            .filter(|&drawable| self.occludes(drawable) && !filter.is_hidden(drawable))
+            .filter(|&drawable| {
+                self.occludes(drawable) && !filter.is_hidden(drawable) && !filter.is_seen_through(drawable)
+            })
             .filter_map(|drawable| self.drawing(drawable, view, filter))
             .collect();
         rasterizer.draw(&drawings, image);

@@ -117,11 +117,10 @@ pub(super) struct ShadowTracer<'a> {
 
 impl<'a> ShadowTracer<'a> {
     pub fn new(scene: &QueryScene<'a>, shadows: Shadows) -> Self {
-        let casts = |d| !scene.exact.is_transparent(d) && !scene.filter.is_hidden(d);
         ShadowTracer {
             scene: *scene,
             shadows,
-            all_cast: (0..scene.exact.drawable_count()).all(casts),
+            all_cast: (0..scene.exact.drawable_count()).all(|drawable| scene.casts(drawable)),
             exact_height: scene.exact.largest_side() * EXACT_HEIGHT,
             lamp_height: scene.exact.largest_side() * LAMP_HEIGHT,
         }
@@ -181,8 +180,8 @@ impl<'a> ShadowTracer<'a> {
             numbers.push(number);
             grid_rays.push(grid_ray(&self.scene, &ray));
         }
-        let QueryScene { exact, filter, owners, dag, .. } = self.scene;
-        let casts = |owner: u32| !exact.is_transparent(owner) && !filter.is_hidden(owner);
+        let QueryScene { owners, dag, .. } = self.scene;
+        let casts = |owner: u32| self.scene.casts(owner);
         *stopped = 0;
         let visit = |ray: usize, hit: &VoxelHit| {
             // Glass casts no shadow: only a voxel with an opaque owner stops the light.
@@ -248,7 +247,7 @@ impl<'a> ShadowTracer<'a> {
     /// Which of some numbered rays meet a triangle: voxels name the candidates.
     fn stopped_by_triangles(&self, rays: &[(usize, Ray)], scratch: &mut ShadowScratch) -> u64 {
         let ShadowScratch { packet, triangles, asked, lone, .. } = scratch;
-        let QueryScene { exact, filter, owners, dag, .. } = self.scene;
+        let QueryScene { exact, owners, dag, .. } = self.scene;
         let mut waiting = match rays.len() {
             0 => return 0,
             count => u64::MAX >> (PACKET_RAYS - count),
@@ -261,7 +260,7 @@ impl<'a> ShadowTracer<'a> {
         let mut ends = [0.0; PACKET_RAYS];
         lone.iter().zip(&mut ends).for_each(|(ray, end)| *end = ray.t_max);
         let mut ask = |drawable: u32, triangles: &mut TriangleRays| {
-            if exact.is_transparent(drawable) || filter.is_hidden(drawable) {
+            if !self.scene.casts(drawable) {
                 return 0;
             }
             let mut t = ends;

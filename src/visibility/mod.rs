@@ -129,6 +129,20 @@ pub struct QueryScene<'a> {
     pub object_boxes: &'a [(DVec3, DVec3, Range<u32>)],
 }
 
+impl QueryScene<'_> {
+    /// Is a drawable seen through: of glass, or looked through?
+    #[inline]
+    pub fn is_transparent(&self, drawable: u32) -> bool {
+        self.exact.is_transparent(drawable) || self.filter.is_seen_through(drawable)
+    }
+
+    /// Does it stop light?
+    #[inline]
+    pub fn casts(&self, drawable: u32) -> bool {
+        !self.is_transparent(drawable) && !self.filter.is_hidden(drawable)
+    }
+}
+
 /// The answer of a query.
 ///
 /// `samples[d]` of `weight` parts of the image show drawable d. Where every ray counts once, `weight` is `rays`; it is more

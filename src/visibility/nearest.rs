@@ -166,7 +166,7 @@ impl<'a> TileTracer<'a> {
         let mut t = state.t;
         let met = exact.closest_of_packet(drawable, triangles, triangles.all(), &mut t);
         for ray in (0..PACKET_RAYS).filter(|ray| met >> ray & 1 != 0) {
-            if exact.is_transparent(drawable) {
+            if self.scene.is_transparent(drawable) {
                 state.through.push(Passed { ray, drawable, t: t[ray] });
             } else if t[ray] < state.t[ray] || drawable < state.opaque[ray] {
                 state.t[ray] = t[ray];

@@ -72,7 +72,7 @@ impl<'a> RayQuery for VoxelQuery<'a> {
     type Scratch = VoxelScratch<'a>;
 
     fn trace(&self, rays: &[Ray], tally: &mut Tally, scratch: &mut VoxelScratch<'a>) {
-        let QueryScene { exact, filter, .. } = self.scene;
+        let filter = self.scene.filter;
         let VoxelScratch { packet, owners, passed } = scratch;
         passed.clear();
         packet.fill(rays.iter().map(|ray| grid_ray(&self.scene, ray)));
@@ -84,7 +84,7 @@ impl<'a> RayQuery for VoxelQuery<'a> {
             for owner in of_brick.of_voxel(hit.bit()).filter(|&owner| !filter.is_hidden(owner)) {
                 met |= 1 << ray;
                 tally.see(owner, ray, &rays[ray], t);
-                if exact.is_transparent(owner) {
+                if self.scene.is_transparent(owner) {
                     if !passed.contains(&(ray, owner)) {
                         passed.push((ray, owner));
                         tally.count(owner, ray, &rays[ray], t);

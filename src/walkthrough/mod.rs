@@ -8,6 +8,7 @@
 //! ([`Latency::None`]). Pages are read and decoded by threads of their own. What the answer wants and is not yet there is drawn at the
 //! nearest level that is ([`crate::streaming`]).
 
+mod casters;
 mod record;
 mod worker;
 
@@ -20,7 +21,7 @@ use crate::camera::{Camera, CameraError};
 use crate::filter::Filter;
 use crate::gpu::clear::ClearBricks;
 use crate::gpu::frame::{FrameInput, FrameRenderer};
-use crate::gpu::instance::DrawList;
+use crate::gpu::instance::{Changes, DrawList};
 use crate::gpu::marks::Marks;
 use crate::gpu::memory::Copies;
 use crate::gpu::shadow::ShadowSettings;
@@ -28,6 +29,7 @@ use crate::gpu::{Context, GpuError};
 use crate::loaded::LoadedScene;
 use crate::lod::density::{self, DensitySettings};
 use crate::lod::{Choice, ChunkLevels, Selection};
+use crate::moved::{Moved, MovedError};
 use crate::render::Lighting;
 use crate::streaming::{
     ContainerPages, Frame, LoadError, Loader, Priority, StreamSettings, Streamer, predicted,
@@ -35,6 +37,7 @@ use crate::streaming::{
 use crate::visibility::coherent::CoherentSettings;
 use crate::visibility::{RayMethod, RaysPerPixel};
 
+use casters::{CasterWorker, Casters, clear_bricks};
 pub use record::{FrameRecord, csv_header, csv_line};
 use worker::priorities;
 pub use worker::{Answer, QueryWorker, Question, Seen, WorkerError};
@@ -124,11 +127,30 @@ pub enum WalkError {
     Thread(#[from] std::io::Error),
 }
 
+/// Why shadows are not those of what is shown.
+#[derive(Debug, thiserror::Error)]
+pub enum ShadowFault {
+    /// What was moved has no voxels.
+    #[error(transparent)]
+    Moved(#[from] MovedError),
+    /// The GPU cannot hold what it takes.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The thread that works it out.
+    #[error(transparent)]
+    Worker(#[from] WorkerError),
+}
+
 /// Frames of a scene.
 pub struct Walkthrough {
     scene: Arc<LoadedScene>,
     settings: WalkSettings,
+    /// As asked for.
     filter: Arc<Filter>,
+    moved: Option<Arc<Moved>>,
+    /// What queries leave out: what is hidden, and what is not any more where it was.
+    query_filter: Arc<Filter>,
+    casters: CasterWorker,
     levels: Arc<ChunkLevels>,
     pages: Arc<ContainerPages<LoadedScene>>,
     worker: QueryWorker,
@@ -149,6 +171,8 @@ pub struct Walkthrough {
     drawn: Vec<Choice>,
     scene_number: u64,
     failed: Vec<(u32, LoadError)>,
+    shadow_fault: Option<ShadowFault>,
+    is_frozen: bool,
 }
 
 impl Walkthrough {
@@ -162,9 +186,7 @@ impl Walkthrough {
         context: &Context,
         settings: WalkSettings,
     ) -> Result<Self, WalkError> {
-        let bounds = scene.scene().meta().bounds;
-        let bounds = (DVec3::from(bounds.min), DVec3::from(bounds.max));
-        let renderer = FrameRenderer::new(context, settings.stream.budget, bounds, (1, 1))?;
+        let renderer = FrameRenderer::new(context, settings.stream.budget, (1, 1))?;
         let host = match settings.upload {
             Upload::Delta => Vec::new(),
             Upload::Full | Upload::Each => vec![0; settings.stream.budget as usize],
@@ -172,12 +194,15 @@ impl Walkthrough {
         let levels = Arc::new(ChunkLevels::new(scene.scene()));
         let pages = Arc::new(ContainerPages(Arc::clone(&scene)));
         Ok(Walkthrough {
-            worker: QueryWorker::new(Arc::clone(&scene), Arc::clone(&levels), settings.query, settings.lod)?,
+            worker: QueryWorker::new(Arc::clone(&scene), Arc::clone(&levels), settings.query)?,
             levels,
             loader: Loader::new(pages.clone(), 1)?,
             pages,
             streamer: Streamer::new(settings.stream),
-            filter: Arc::new(Filter::default()),
+            filter: Arc::default(),
+            moved: None,
+            query_filter: Arc::default(),
+            casters: CasterWorker::default(),
             renderer,
             host,
             scene,
@@ -192,6 +217,8 @@ impl Walkthrough {
             drawn: Vec::new(),
             scene_number: 0,
             failed: Vec::new(),
+            shadow_fault: None,
+            is_frozen: false,
         })
     }
 
@@ -202,37 +229,109 @@ impl Walkthrough {
     /// The GPU cannot hold them.
     pub fn load_voxels(&mut self) -> Result<(), WalkError> {
         let query = self.scene.query();
-        let clear = self.clear_bricks();
-        Ok(self.renderer.set_voxels(&query.dag, &query.grid, &clear)?)
+        // Looking at all voxels takes long: who does not measure need not wait for it.
+        let now = |walk: &Self| clear_bricks(&walk.scene, &walk.query_filter);
+        let clear = if self.settings.wait { now(self) } else { ClearBricks::default() };
+        self.renderer.set_voxels(&query.dag, &query.grid, &clear)?;
+        if self.settings.wait && self.moved.is_none() { Ok(()) } else { self.find_casters() }
     }
 
-    /// Leaves out what a filter hides, from the next answer on; what it cuts away, at once.
+    /// Leaves out what a filter hides or cuts away, and looks through what it says; what that uncovers comes with the next answers.
+    /// Shadows follow as soon as it is known what casts them.
     ///
     /// # Errors
     ///
-    /// The GPU cannot hold what it takes.
+    /// No more threads.
     pub fn set_filter(&mut self, filter: Filter) -> Result<(), WalkError> {
+        let moved =
+            self.moved.as_ref().map(|moved| Arc::new(Moved::new(&self.scene, moved.motions(), &filter)));
+        self.set_changes(filter, moved)
+    }
+
+    /// The same, and moves parts elsewhere. `moved` was made with the same filter.
+    ///
+    /// # Errors
+    ///
+    /// No more threads.
+    pub fn set_changes(&mut self, filter: Filter, moved: Option<Arc<Moved>>) -> Result<(), WalkError> {
+        let mut query_filter = filter.clone();
+        if let Some(moved) = &moved {
+            moved.hide_in(&self.scene, &mut query_filter);
+        }
         self.filter = Arc::new(filter);
+        self.query_filter = Arc::new(query_filter);
+        self.moved = moved;
         self.scene_number += 1;
+        self.find_casters()
+    }
+
+    fn find_casters(&mut self) -> Result<(), WalkError> {
         if self.renderer.has_voxels() {
-            let clear = self.clear_bricks();
-            self.renderer.set_clear(&clear)?;
+            self.casters.change(&self.scene, &self.query_filter, self.moved.as_ref())?;
         }
         Ok(())
     }
 
-    fn clear_bricks(&self) -> ClearBricks {
-        let query = self.scene.query();
-        let casts = |drawable| !query.exact.is_transparent(drawable) && !self.filter.is_hidden(drawable);
-        if (0..query.exact.drawable_count()).all(casts) {
-            return ClearBricks::default();
+    /// Takes over what casts shadows now, if that has become known. What fails concerns shadows alone, and is kept for
+    /// [`Walkthrough::shadow_fault`].
+    fn take_casters(&mut self) -> Result<(), WalkError> {
+        let wait = self.settings.latency == Latency::None;
+        loop {
+            let found = match self.casters.take(wait) {
+                Ok(None) => return Ok(()),
+                Ok(Some((casters, is_stale))) => {
+                    if is_stale {
+                        self.find_casters()?;
+                    }
+                    self.use_casters(casters)
+                }
+                Err(error) => Err(error.into()),
+            };
+            self.shadow_fault = found.err();
+            self.scene_number += 1;
         }
-        ClearBricks::new(&query.dag, &query.owners, casts)
+    }
+
+    fn use_casters(&mut self, Casters { clear, moved }: Casters) -> Result<(), ShadowFault> {
+        self.renderer.set_moved_voxels(None)?;
+        self.renderer.set_clear(&clear)?;
+        if let Some(voxels) = moved? {
+            self.renderer.set_moved_voxels(Some((&voxels.dag.view(), &voxels.grid)))?;
+        }
+        Ok(())
+    }
+
+    /// Is it being worked out what casts shadows? Then frames to come may look otherwise.
+    pub fn is_finding_casters(&self) -> bool {
+        self.casters.is_busy()
+    }
+
+    /// Why shadows are not those of what is shown, if they are not.
+    pub fn shadow_fault(&self) -> Option<&ShadowFault> {
+        self.shadow_fault.as_ref()
     }
 
     /// What draws: pictures to read back, times.
     pub fn renderer(&self) -> &FrameRenderer {
         &self.renderer
+    }
+
+    /// What the newest answer saw.
+    pub fn seen(&self) -> Option<&Seen> {
+        self.seen.as_ref()
+    }
+
+    /// Goes on drawing what is drawn now, wherever the camera goes: shows what is culled.
+    pub fn set_frozen(&mut self, is_frozen: bool) {
+        self.is_frozen = is_frozen;
+    }
+
+    /// Other limits from the next frame on; the memory's size and the rays stay.
+    pub fn set_limits(&mut self, lod: DensitySettings) {
+        if self.settings.lod != lod {
+            self.settings.lod = lod;
+            self.select();
+        }
     }
 
     /// What was drawn last, rising by drawable.
@@ -261,8 +360,12 @@ impl Walkthrough {
         let started = Instant::now();
         let rays = camera.rays()?;
         let mut record = FrameRecord { frame: self.frame, is_cut, ..FrameRecord::default() };
-        self.ask(camera, is_cut, later)?;
-        if self.take_answers()? {
+        // Counted from 1 here: one that fails has a number of its own, too.
+        self.frame += 1;
+        if !self.is_frozen {
+            self.ask(camera, is_cut, later)?;
+        }
+        if !self.is_frozen && self.take_answers()? {
             let started = Instant::now();
             self.select();
             record.select_ms = milliseconds(started);
@@ -274,10 +377,13 @@ impl Walkthrough {
         }
         self.stream(&mut record);
         self.upload(&mut record)?;
+        self.take_casters()?;
 
         let draw = Instant::now();
-        let list =
-            DrawList::new(self.scene.scene(), &rays, &self.drawn, |page| self.streamer.offset_of(page));
+        let changes = Changes { filter: &self.filter, moved: self.moved.as_deref() };
+        let list = DrawList::new(self.scene.scene(), &rays, &self.drawn, &changes, |page| {
+            self.streamer.offset_of(page)
+        });
         record.triangles = list.triangles;
         self.renderer.draw(&FrameInput {
             list: &list,
@@ -296,7 +402,6 @@ impl Walkthrough {
         if self.settings.wait {
             record.passes = self.renderer.times()?;
         }
-        self.frame += 1;
         self.before = Some(*camera);
         Ok(record)
     }
@@ -313,8 +418,16 @@ impl Walkthrough {
         if is_cut || later.is_none() {
             self.expected.clear();
         }
-        let filter = Arc::clone(&self.filter);
-        self.worker.ask(Question { frame: self.frame, camera: *camera, is_cut, later, filter })?;
+        let (filter, moved) = (Arc::clone(&self.query_filter), self.moved.clone());
+        self.worker.ask(Question {
+            frame: self.frame,
+            camera: *camera,
+            is_cut,
+            later,
+            lod: self.settings.lod,
+            filter,
+            moved,
+        })?;
         Ok(())
     }
 

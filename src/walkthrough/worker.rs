@@ -12,14 +12,15 @@ use crate::filter::Filter;
 use crate::loaded::LoadedScene;
 use crate::lod::density::{self, DensitySettings};
 use crate::lod::{Candidate, Choice, ChunkLevels, Selection, candidates};
+use crate::moved::Moved;
 use crate::progress::Silent;
 use crate::streaming::Priority;
 use crate::visibility::coherent::{CoherentError, CoherentQuery, CoherentSettings};
 use crate::visibility::culling::Culling;
-use crate::visibility::{Method, QueryScene, QuerySettings, RaysPerPixel, VisibleSet, query};
+use crate::visibility::{Method, QueryScene, QuerySettings, RayMethod, RaysPerPixel, query};
 
 /// What is asked about a frame.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Question {
     /// Of which frame.
     pub frame: u64,
@@ -29,8 +30,12 @@ pub struct Question {
     pub is_cut: bool,
     /// A camera of later, known or predicted: what it will see can be loaded before.
     pub later: Option<Camera>,
+    /// How fine that would be drawn.
+    pub lod: DensitySettings,
     /// What is left out.
     pub filter: Arc<Filter>,
+    /// What is elsewhere; at its old place, the filter hides it.
+    pub moved: Option<Arc<Moved>>,
 }
 
 /// What the thread tells.
@@ -75,8 +80,9 @@ struct Work {
     scene: Arc<LoadedScene>,
     levels: Arc<ChunkLevels>,
     query: CoherentQuery,
+    /// Of what was moved, which it tells apart by its scene.
+    moved: CoherentQuery,
     rays_per_pixel: RaysPerPixel,
-    lod: DensitySettings,
 }
 
 /// Answers questions in the order they come, but only the newest of those that wait.
@@ -96,10 +102,11 @@ impl QueryWorker {
         scene: Arc<LoadedScene>,
         levels: Arc<ChunkLevels>,
         settings: CoherentSettings,
-        lod: DensitySettings,
     ) -> Result<Self, WorkerError> {
         let rays_per_pixel = settings.rays_per_pixel;
-        let mut work = Work { scene, levels, query: CoherentQuery::new(settings)?, rays_per_pixel, lod };
+        let query = CoherentQuery::new(settings)?;
+        let moved = CoherentQuery::new(CoherentSettings { method: RayMethod::Exact, ..settings })?;
+        let mut work = Work { scene, levels, query, moved, rays_per_pixel };
         let desk = Arc::new((Mutex::new(Desk::default()), Condvar::new()));
         let (tell, answers) = channel();
         let shared = Arc::clone(&desk);
@@ -212,11 +219,23 @@ impl Work {
         let seen = self.query.frame(&scene, &camera, &Silent)?.found;
         let in_view = query(&scene, &camera, Method::Frustum, &QuerySettings::default());
         let visible = candidates(scene.exact, &camera, &seen);
+        let mut visible: Vec<(Candidate, u32)> =
+            visible.into_iter().map(|one| (one, seen.samples[one.drawable as usize])).collect();
+        let mut in_frustum = sized(&scene, camera.eye(), &in_view.visible);
+        if let Some(moved) = &question.moved {
+            let found = moved.candidates(&scene, &camera, &mut self.moved);
+            in_frustum.extend(found.iter().filter_map(|(one, _)| {
+                Some((apparent_size(moved.drawable_box(one.drawable)?, camera.eye()), one.drawable))
+            }));
+            visible.extend(found);
+            visible.sort_unstable_by_key(|(one, _)| one.drawable);
+        }
+        let (visible, samples) = visible.into_iter().unzip();
         Some(Seen {
             frame: question.frame,
-            samples: samples(&visible, &seen),
+            samples,
             visible,
-            in_frustum: by_size(&scene, camera.eye(), &in_view.visible),
+            in_frustum: largest_first(in_frustum),
             milliseconds: started.elapsed().as_secs_f64() * 1e3,
         })
     }
@@ -229,13 +248,10 @@ impl Work {
         let few = QuerySettings { rays_per_pixel: self.rays_per_pixel, ..QuerySettings::default() };
         let seen = query(&scene, &camera, Method::Voxel, &few);
         let visible = candidates(scene.exact, &camera, &seen);
-        let selection = density::select(&*self.levels, &visible, &self.lod, None);
-        Some(priorities(&selection, &visible, &samples(&visible, &seen)))
+        let selection = density::select(&*self.levels, &visible, &question.lod, None);
+        let samples: Vec<u32> = visible.iter().map(|one| seen.samples[one.drawable as usize]).collect();
+        Some(priorities(&selection, &visible, &samples))
     }
-}
-
-fn samples(visible: &[Candidate], seen: &VisibleSet) -> Vec<u32> {
-    visible.iter().map(|one| seen.samples[one.drawable as usize]).collect()
 }
 
 /// What a selection wants, with the samples of what it was made for.
@@ -247,14 +263,20 @@ pub(super) fn priorities(selection: &Selection, visible: &[Candidate], samples: 
     selection.choices.iter().map(|choice| Priority { choice: *choice, samples: samples(choice) }).collect()
 }
 
-/// Drawables of a set, those whose boxes look largest from here first.
-fn by_size(scene: &QueryScene, eye: DVec3, set: &[bool]) -> Vec<u32> {
-    let size = |drawable: u32| {
-        let (min, max) = scene.exact.drawable_box(drawable);
-        (max - min).length_squared() / eye.clamp(min, max).distance_squared(eye).max(f64::MIN_POSITIVE)
-    };
+/// How large a box looks from here, as a square of an angle; a drawable beside it.
+type Sized = (f64, u32);
+
+fn apparent_size((min, max): (DVec3, DVec3), eye: DVec3) -> f64 {
+    (max - min).length_squared() / eye.clamp(min, max).distance_squared(eye).max(f64::MIN_POSITIVE)
+}
+
+/// Drawables of a set.
+fn sized(scene: &QueryScene, eye: DVec3, set: &[bool]) -> Vec<Sized> {
     let members = (0..).zip(set).filter(|(_, is_member)| **is_member).map(|(drawable, _)| drawable);
-    let mut sized: Vec<(f64, u32)> = members.map(|drawable| (size(drawable), drawable)).collect();
+    members.map(|drawable| (apparent_size(scene.exact.drawable_box(drawable), eye), drawable)).collect()
+}
+
+fn largest_first(mut sized: Vec<Sized>) -> Vec<u32> {
     sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     sized.into_iter().map(|(_, drawable)| drawable).collect()
 }

@@ -30,7 +30,7 @@ fn a_walk_writes_a_table_pictures_and_a_summary() {
         (sample.path("plant.vxs"), sample.path("walk.csv"), sample.path("f-{frame}.png"));
     let exact = ["--latency", "none", "--pixel-error", "0", "--rays", "1", "--check"];
     let mut args =
-        vec!["walk", &scene, "--walk", "4", "--size", "96x64", "--csv", &csv, "-o", &frames, "--json"];
+        vec!["walk", &scene, "--walk", "8", "--size", "96x64", "--csv", &csv, "-o", &frames, "--json"];
     args.extend(exact);
     let summary: serde_json::Value = serde_json::from_str(&ok(&args)).unwrap();
     assert!(
@@ -40,9 +40,9 @@ fn a_walk_writes_a_table_pictures_and_a_summary() {
     assert_eq!(summary["missing_late"], 0);
     let table = std::fs::read_to_string(&csv).unwrap();
     let columns = table.lines().next().unwrap().split(',').count();
-    assert_eq!(table.lines().count(), 5);
+    assert_eq!(table.lines().count(), 9);
     assert!(table.lines().all(|line| line.split(',').count() == columns), "{table}");
-    for frame in 0..4 {
+    for frame in 0..8 {
         let picture = image::open(sample.path(&format!("f-000{frame}.png"))).unwrap();
         assert_eq!((picture.width(), picture.height()), (96, 64));
     }

@@ -80,7 +80,7 @@ fn lights_dags_and_shadows_lie_in_memory_as_the_shaders_read_them() {
     let dag = ours!(DagUniform: root height side leaves_at clear_slots counts_at counts_from padding_0);
     assert_eq!(members(&[shader::DAG], "Dag"), dag);
     let shadow = ours!(ShadowUniform: eye_voxel voxels_per_unit eye_fraction first_sample sun sun_cap samples
-        has_sun has_sky reach);
+        has_sun has_sky reach is_first is_last padding_0 padding_1);
     assert_eq!(members(texts_of("shadow"), "Shadow"), shadow);
     let filter = ours!(FilterUniform: samples radius has_sun has_sky);
     assert_eq!(members(texts_of("filter"), "Filter"), filter);

@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod changes;
 mod command;
 #[path = "../common/command.rs"]
 mod command_line;

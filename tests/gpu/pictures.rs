@@ -6,7 +6,7 @@ use voxsight::filter::Filter;
 use voxsight::gpu::Context;
 use voxsight::gpu::clear::ClearBricks;
 use voxsight::gpu::frame::{FrameInput, FrameRenderer};
-use voxsight::gpu::instance::DrawList;
+use voxsight::gpu::instance::{Changes, DrawList};
 use voxsight::gpu::marks::Marks;
 use voxsight::gpu::shadow::ShadowSettings;
 use voxsight::gpu::target::NOBODY;
@@ -85,9 +85,7 @@ fn draw_frames(
     let encoded: Vec<(u32, Vec<u8>)> =
         pages.into_iter().map(|p| (p, page::encode(&all.level_mesh(p).unwrap()))).collect();
     let total: u64 = encoded.iter().map(|(_, bytes)| padded(bytes.len() as u64)).sum();
-    let bounds = all.meta().bounds;
-    let bounds = (bounds.min.into(), bounds.max.into());
-    let mut renderer = FrameRenderer::new(context, total.max(16), bounds, camera.size()).unwrap();
+    let mut renderer = FrameRenderer::new(context, total.max(16), camera.size()).unwrap();
     let mut offsets = std::collections::HashMap::new();
     let mut at = 0;
     for (page, bytes) in encoded {
@@ -95,7 +93,8 @@ fn draw_frames(
         offsets.insert(page, at);
         at += padded(bytes.len() as u64);
     }
-    let list = DrawList::new(all, camera, &choices, |page| offsets.get(&page).copied());
+    let changes = Changes { filter: scene.query().filter, moved: None };
+    let list = DrawList::new(all, camera, &choices, &changes, |page| offsets.get(&page).copied());
     let marks = Marks::default();
     let clip = scene.query().filter.clip_planes();
     let input = FrameInput { list: &list, clip, lighting, up: DVec3::Y, marks: &marks, shadows, scene: 0 };
@@ -113,7 +112,7 @@ fn draw_frames(
     let samples = renderer.shadow_samples();
     let targets = renderer.targets();
     let reversed: Vec<f32> = targets.depth.read(context).unwrap();
-    let view = voxsight::gpu::view::ViewUniform::new(&list.camera, bounds.0, bounds.1);
+    let view = voxsight::gpu::view::ViewUniform::new(&list.camera, list.bounds.0, list.bounds.1);
     let before = (list.camera.eye() - camera.eye()).dot(camera.forward()) as f32;
     let depth = |r: f32| if view.near > 0.0 { view.near / r } else { before + (1.0 - r) * view.far };
     let frame = Frame {
@@ -194,6 +193,8 @@ fn compare(name: &str, frame: &Frame, film: &[FilmPixel], size: (u32, u32)) -> f
         }
     }
     let share = f64::from(differ) / film.len() as f64;
+    // Off the edges; on a steep surface a pixel's place, right to a 256th, is worth more.
+    assert!(worst_depth < 0.2, "{name}: depths are off by {worst_depth} of themselves");
     println!("{name}: {differ} pixels differ, {:.4} %; worst depth error {worst_depth:.1e}", 100.0 * share);
     share
 }
@@ -242,9 +243,7 @@ fn drawables_are_those_of_exact_but_for_silhouettes() {
         let camera = camera.rays().unwrap();
         *scene.filter_mut() = Filter::default();
         if is_cut {
-            scene
-                .filter_mut()
-                .clip_by(Plane { normal: DVec3::new(1.0, 0.1, 0.2), point: centre + 4.0 * DVec3::X });
+            scene.filter_mut().clip_by(Plane { normal: DVec3::new(1.0, 0.1, 0.2), point: centre + DVec3::X });
             scene.filter_mut().clip_by(Plane { normal: DVec3::NEG_Y, point: centre + DVec3::Y * 2.0 });
         }
         let film = reference(&mut scene, &camera, &lighting);
