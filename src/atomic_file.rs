@@ -78,6 +78,13 @@ impl AtomicFile {
     }
 }
 
+/// Writes a whole file, or nothing.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes)?;
+    Ok(file.commit()?)
+}
+
 impl From<CommitError> for io::Error {
     fn from(CommitError { doing, source }: CommitError) -> Self {
         io::Error::new(source.kind(), format!("cannot {doing}: {source}"))

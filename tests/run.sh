@@ -16,6 +16,10 @@ if ! command -v c++ >/dev/null; then missing+=(g++); fi
 shopt -s nullglob
 drivers=(/usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json)
 if [ "$(uname)" = Linux ] && [ "${#drivers[@]}" -eq 0 ]; then missing+=(mesa-vulkan-drivers libvulkan1); fi
+# A display without a screen, for the viewer's window.
+if [ "$(uname)" = Linux ] && ! command -v Xvfb >/dev/null; then
+    missing+=(xvfb libxkbcommon-x11-0 libxcursor1 libxi6 libx11-xcb1)
+fi
 if [ "${#missing[@]}" -gt 0 ]; then
     if command -v apt-get >/dev/null; then
         as_root=""

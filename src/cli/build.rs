@@ -10,7 +10,7 @@ use super::numbers::{Length, metres_of_unit, parse_bytes, parse_length, parse_re
 use super::output::{check_output, human_bytes, human_count, print_json, print_out, write_json};
 use super::progress::TerminalProgress;
 use crate::container::{Axis, Source};
-use crate::import::{ImportOptions, Imported, UpAxis, import};
+use crate::import::{ImportOptions, Imported, import};
 use crate::prepare::memory::MemoryGuard;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
 
@@ -102,15 +102,16 @@ impl Build {
     }
 
     fn settings(&self, imported: &Imported) -> BuildSettings {
-        let (unit, metres_per_unit) = match (&self.unit, imported.metres_per_unit) {
-            (Some(unit), _) => (unit.clone(), metres_of_unit(unit).unwrap_or(1.0)),
-            // glTF is in metres; no other format says.
-            (None, metres) => ("m".to_owned(), metres.unwrap_or(1.0)),
+        let of_files = BuildSettings::of(imported);
+        let (unit, metres_per_unit) = match &self.unit {
+            Some(unit) => (unit.clone(), metres_of_unit(unit).unwrap_or(1.0)),
+            None => (of_files.unit, of_files.metres_per_unit),
         };
-        let up = match (self.up, imported.up_axis) {
-            (Some(Up::X), _) | (None, Some(UpAxis::X)) => Axis::X,
-            (Some(Up::Y), _) | (None, Some(UpAxis::Y)) => Axis::Y,
-            (Some(Up::Z), _) | (None, Some(UpAxis::Z) | None) => Axis::Z,
+        let up = match self.up {
+            Some(Up::X) => Axis::X,
+            Some(Up::Y) => Axis::Y,
+            Some(Up::Z) => Axis::Z,
+            None => of_files.up,
         };
         let resolution = match self.voxel_size {
             Some(length) => Resolution::VoxelSize(length.in_units(metres_per_unit)),

@@ -14,6 +14,7 @@ mod progress;
 mod render;
 mod shadow_report;
 mod verify;
+mod view;
 mod visible;
 mod walk;
 mod walk_summary;
@@ -81,6 +82,8 @@ enum Command {
     Render(render::Render),
     /// Draws a camera path on the GPU, off screen: what every frame took, and how right it is
     Walk(walk::Walk),
+    /// Walks through a scene in a window
+    View(view::View),
 }
 
 impl Cli {
@@ -96,6 +99,8 @@ impl Cli {
             // Over in no time: Ctrl-C may do what it always does.
             Command::Info(command) => return command.run(),
             Command::Find(command) => return command.run(),
+            // Its window shows progress, and is closed when it is to end.
+            Command::View(command) => return command.run(),
             longer => longer,
         };
         let progress = TerminalProgress::new(self.global.quiet)?;
@@ -104,7 +109,7 @@ impl Cli {
             Command::Generate(command) => command.run(&progress),
             Command::Build(command) => command.run(&progress),
             Command::Verify(command) => command.run(&progress),
-            Command::Info(_) | Command::Find(_) => Ok(()),
+            Command::Info(_) | Command::Find(_) | Command::View(_) => Ok(()),
             Command::Visible(command) => command.run(&progress),
             Command::Compare(command) => command.run(&progress),
             Command::Render(command) => command.run(&progress),

@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{Failure, usage};
-use crate::atomic_file::{self, AtomicFile};
+use crate::atomic_file;
 use crate::camera::Camera;
 
 /// Prints a line on stdout. Ends the program quietly when nobody reads any more (`voxsight info | head`), as other
@@ -41,9 +41,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         if atomic_file::is_special(path) {
             return fs::File::options().write(true).open(path)?.write_all(bytes);
         }
-        let mut file = AtomicFile::create(path)?;
-        file.write_all(bytes)?;
-        Ok(file.commit()?)
+        atomic_file::write_whole(path, bytes)
     };
     write().map_err(|error| format!("{}: cannot write: {error}", path.display()).into())
 }

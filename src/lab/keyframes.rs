@@ -5,14 +5,15 @@
 //! uneven keyframes make no overshoot in time); a keyframe with `"cut":true` jumps.
 
 use glam::DVec3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::views::View;
 use crate::camera::{Camera, CameraError, Projection};
 
 /// Most frames of a path: an hour at 60 frames a second.
-const MAX_FRAMES: f64 = 216_000.0;
-const DEFAULT_FPS: f64 = 30.0;
+pub(crate) const MAX_FRAMES: f64 = 216_000.0;
+/// Frames a second where nothing is said.
+pub(crate) const DEFAULT_FPS: f64 = 30.0;
 
 /// A camera at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +78,7 @@ enum PathFile {
     Path(KeyframeFile),
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct KeyframeFile {
     keyframes: Vec<serde_json::Value>,
@@ -90,6 +91,47 @@ fn default_fps() -> f64 {
 }
 
 impl CameraPath {
+    /// A path of these keyframes.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be walked.
+    pub fn new(keyframes: Vec<Keyframe>, fps: f64) -> Result<Self, PathError> {
+        let path = CameraPath { keyframes, fps };
+        path.check()?;
+        Ok(path)
+    }
+
+    /// By rising time, at least one.
+    pub fn keyframes(&self) -> &[Keyframe] {
+        &self.keyframes
+    }
+
+    /// Frames a second.
+    pub fn fps(&self) -> f64 {
+        self.fps
+    }
+
+    /// The text that [`CameraPath::from_json`] reads as this path again, to the last bit.
+    ///
+    /// # Errors
+    ///
+    /// None that is known: all numbers of a checked path are finite.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        let mut keyframes = Vec::with_capacity(self.keyframes.len());
+        for Keyframe { t, camera, cut } in &self.keyframes {
+            let mut value = serde_json::to_value(camera)?;
+            if let Some(fields) = value.as_object_mut() {
+                fields.insert("t".into(), serde_json::to_value(t)?);
+                if *cut {
+                    fields.insert("cut".into(), true.into());
+                }
+            }
+            keyframes.push(value);
+        }
+        serde_json::to_string(&KeyframeFile { keyframes, fps: self.fps })
+    }
+
     /// Reads a path; `size` replaces the size of its cameras.
     ///
     /// # Errors
@@ -168,40 +210,54 @@ impl CameraPath {
             .collect()
     }
 
-    /// The camera at a time, and which of the pieces between cuts it is in.
-    fn at(&self, t: f64) -> (usize, Camera) {
+    /// The camera at a time, and which of the pieces between cuts it is in. Before the first keyframe it is there.
+    ///
+    /// Not checked: between two keyframes eye and target may meet, and the view may come to lie along `up`.
+    pub fn at(&self, t: f64) -> (usize, Camera) {
         let keys = &self.keyframes;
+        // `check` wants one at least.
+        let t = t.max(keys[0].t);
         let after = keys.partition_point(|key| key.t <= t).clamp(1, keys.len());
         let piece = keys[..after].iter().filter(|key| key.cut).count();
-        let from = keys[after - 1];
+        let from = &keys[after - 1];
         let Some(to) = keys.get(after).filter(|to| !to.cut) else { return (piece, from.camera) };
         // Neighbours beyond a cut are not neighbours.
         let before = keys[..after - 1].last().filter(|_| !from.cut);
         let beyond = keys.get(after + 1).filter(|key| !key.cut);
-        let share = (t - from.t) / (to.t - from.t);
-        let spline = |of: fn(&Camera) -> DVec3| {
-            let point = |key: &Keyframe| (key.t, of(&key.camera));
-            hermite(before.map(point), point(&from), point(to), beyond.map(point), share)
-        };
-        let up = DVec3::from(from.camera.up).lerp(to.camera.up.into(), share);
-        let projection = match (from.camera.projection, to.camera.projection) {
-            (Projection::Perspective { fov_y_deg: a }, Projection::Perspective { fov_y_deg: b }) => {
-                Projection::Perspective { fov_y_deg: a + share * (b - a) }
-            }
-            (Projection::Orthographic { height: a }, Projection::Orthographic { height: b }) => {
-                Projection::Orthographic { height: a + share * (b - a) }
-            }
-            // `check` lets this through only before a cut, where nothing is interpolated.
-            (kept, _) => kept,
-        };
-        let camera = Camera {
-            eye: spline(|camera| camera.eye.into()).into(),
-            target: spline(|camera| camera.target.into()).into(),
-            up: up.into(),
-            projection,
-            ..from.camera
-        };
-        (piece, camera)
+        (piece, between(before, from, to, beyond, t))
+    }
+}
+
+/// The camera at a time between two keyframes; `before` and `beyond` are their neighbours of the same piece.
+pub fn between(
+    before: Option<&Keyframe>,
+    from: &Keyframe,
+    to: &Keyframe,
+    beyond: Option<&Keyframe>,
+    t: f64,
+) -> Camera {
+    let share = (t - from.t) / (to.t - from.t);
+    let spline = |of: fn(&Camera) -> DVec3| {
+        let point = |key: &Keyframe| (key.t, of(&key.camera));
+        hermite(before.map(point), point(from), point(to), beyond.map(point), share)
+    };
+    let up = DVec3::from(from.camera.up).lerp(to.camera.up.into(), share);
+    let projection = match (from.camera.projection, to.camera.projection) {
+        (Projection::Perspective { fov_y_deg: a }, Projection::Perspective { fov_y_deg: b }) => {
+            Projection::Perspective { fov_y_deg: a + share * (b - a) }
+        }
+        (Projection::Orthographic { height: a }, Projection::Orthographic { height: b }) => {
+            Projection::Orthographic { height: a + share * (b - a) }
+        }
+        // `CameraPath::check` lets this through only before a cut, where nothing is interpolated.
+        (kept, _) => kept,
+    };
+    Camera {
+        eye: spline(|camera| camera.eye.into()).into(),
+        target: spline(|camera| camera.target.into()).into(),
+        up: up.into(),
+        projection,
+        ..from.camera
     }
 }
 
@@ -273,6 +329,16 @@ mod tests {
         let views = CameraPath::from_json(&format!("[{list}]"), Some((64, 32))).unwrap().views().unwrap();
         assert_eq!(views.len(), 31);
         assert_eq!((views[30].camera.eye, views[30].camera.width), ([3.0, 0.0, 9.0], 64));
+    }
+
+    #[test]
+    fn written_paths_are_read_as_they_were() {
+        let keys = [key(-0.1, 0.3, ""), key(1.0 / 3.0, 1e7 + 0.1, ""), key(2.0, 0.7, r#","cut":true"#)];
+        let written = path(&keys, 23.976).unwrap();
+        assert_eq!(CameraPath::from_json(&written.to_json().unwrap(), None).unwrap(), written);
+        assert_eq!(CameraPath::new(written.keyframes().to_vec(), written.fps()).unwrap(), written);
+        assert_eq!(written.at(-5.0), (0, written.keyframes()[0].camera));
+        assert_eq!(written.at(f64::INFINITY), (1, written.keyframes()[2].camera));
     }
 
     #[test]

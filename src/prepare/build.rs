@@ -19,6 +19,7 @@ use crate::container::{
     Axis, BuildReport, ContainerError, ContainerWriter, DagMeta, Damage, EncodedPart, Generator,
     GeometryRecords, GeometryWriter, GridMeta, Meta, PartError, SceneRecords, Settings, Source, encode_part,
 };
+use crate::import::{Imported, UpAxis};
 use crate::model::{Model, Part};
 use crate::progress::Progress;
 use crate::report::Findings;
@@ -69,6 +70,19 @@ impl Default for BuildSettings {
             up: Axis::Y,
             memory: None,
         }
+    }
+}
+
+impl BuildSettings {
+    /// For a model as its files say; where they do not, metres and z up are taken.
+    pub fn of(imported: &Imported) -> Self {
+        let up = match imported.up_axis {
+            Some(UpAxis::X) => Axis::X,
+            Some(UpAxis::Y) => Axis::Y,
+            Some(UpAxis::Z) | None => Axis::Z,
+        };
+        // glTF is in metres; no other format says.
+        BuildSettings { metres_per_unit: imported.metres_per_unit.unwrap_or(1.0), up, ..Self::default() }
     }
 }
 

@@ -1,0 +1,36 @@
+//! `voxsight view`: walks through a scene in a window.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Failure;
+use super::numbers::parse_size;
+use crate::viewer::script::Script;
+use crate::viewer::{ViewerOptions, run};
+
+/// Flags of `view`.
+#[derive(Args)]
+pub struct View {
+    /// A scene (.vxs), or a model or a folder of models, of which one is made first and kept beside it
+    #[arg(value_name = "SCENE|MODEL")]
+    file: PathBuf,
+    /// Size of the window at first
+    #[arg(long, default_value = "1280x800", value_parser = parse_size, value_name = "WxH")]
+    size: (u32, u32),
+    /// Do what a JSON list says, take the screenshots that it asks for, and close the window
+    #[arg(long, value_name = "STEPS.json")]
+    script: Option<PathBuf>,
+    /// Part of the name of the graphics adapter to use
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+}
+
+impl View {
+    pub fn run(self) -> Result<(), Failure> {
+        // Before a window opens that would only close again.
+        std::fs::metadata(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
+        let script = self.script.as_deref().map(Script::read).transpose()?;
+        Ok(run(ViewerOptions { path: self.file, script, adapter: self.adapter, size: self.size })?)
+    }
+}

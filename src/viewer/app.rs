@@ -1,0 +1,424 @@
+//! The window: loading, panels, picture, keys and mouse.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use eframe::egui_wgpu::{RenderState, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use egui::{CentralPanel, Color32, Key, Panel, PointerButton, ProgressBar, Rect, Sense, Ui, pos2};
+use glam::DVec2;
+
+use super::action::Action;
+use super::load::{LoadStatus, Loading, Opened};
+use super::navigate::{Mode, Motion};
+use super::panels;
+use super::preferences::{Preferences, WindowLook};
+use super::script::{Script, ScriptRun};
+use super::session::Session;
+use super::viewport::{Purpose, Viewport};
+use crate::gpu::context::{Context, ContextSettings, device_descriptor};
+
+/// Points that a wheel turns for a step of zoom.
+const POINTS_PER_STEP: f32 = 50.0;
+/// A frame that took longer counts as this: after a pause nothing jumps.
+const LONGEST_FRAME: Duration = Duration::from_millis(250);
+
+/// What the window is opened with.
+#[derive(Clone, Debug)]
+pub struct ViewerOptions {
+    /// A scene, or a model.
+    pub path: PathBuf,
+    /// What is done in it, instead of or beside a user.
+    pub script: Option<Script>,
+    /// Part of the name of the graphics adapter to use.
+    pub adapter: Option<String>,
+    /// Width and height of the window at first, points.
+    pub size: (u32, u32),
+}
+
+/// Why there is no window, or why it has closed.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewerError {
+    /// The window system, or the graphics driver.
+    #[error("the window cannot be opened: {0}")]
+    Window(#[from] eframe::Error),
+    /// A script has failed.
+    #[error("{0}")]
+    Script(String),
+}
+
+/// Opens the window, and returns when it is closed.
+///
+/// # Errors
+///
+/// There is no display, or no adapter that does; a script that fails.
+pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
+    let outcome = Arc::new(std::sync::Mutex::new(None));
+    let told = Arc::clone(&outcome);
+    let size = [options.size.0 as f32, options.size.1 as f32];
+    let title = format!("Voxsight - {}", options.path.display());
+    let native = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default().with_inner_size(size).with_title(title),
+        wgpu_options: WgpuConfiguration { wgpu_setup: setup(options.adapter.clone()), ..Default::default() },
+        ..Default::default()
+    };
+    let make = move |creation: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, Box<dyn std::error::Error + Send + Sync>> {
+        Ok(Box::new(App::new(creation, options, told)?))
+    };
+    eframe::run_native("voxsight", native, Box::new(make))?;
+    let failed = outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+    failed.map_or(Ok(()), |text| Err(ViewerError::Script(text)))
+}
+
+/// The device that the window and the scene share.
+fn setup(adapter: Option<String>) -> WgpuSetup {
+    let mut setup = WgpuSetupCreateNew::without_display_handle();
+    setup.device_descriptor = Arc::new(|adapter| {
+        // What it lacks is told when the scene is drawn.
+        device_descriptor(adapter).unwrap_or_else(|_| wgpu::DeviceDescriptor::default())
+    });
+    let wanted = adapter.or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok()).filter(|name| !name.is_empty());
+    if let Some(wanted) = wanted {
+        setup.native_adapter_selector = Some(Arc::new(move |adapters, _| {
+            let is_wanted = |adapter: &&wgpu::Adapter| {
+                adapter.get_info().name.to_lowercase().contains(&wanted.to_lowercase())
+            };
+            let names: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
+            adapters
+                .iter()
+                .find(is_wanted)
+                .cloned()
+                .ok_or_else(|| format!("no GPU is named \"{wanted}\"; there are {names:?}"))
+        }));
+    }
+    WgpuSetup::CreateNew(setup)
+}
+
+/// What the window shows.
+enum Stage {
+    Loading(Loading),
+    Failed { path: PathBuf, told: String },
+    Open(Box<Open>),
+}
+
+/// An opened scene.
+struct Open {
+    session: Session,
+    viewport: Viewport,
+}
+
+struct App {
+    stage: Stage,
+    preferences: Preferences,
+    window: RenderState,
+    context: Context,
+    script: Option<ScriptRun>,
+    outcome: Arc<std::sync::Mutex<Option<String>>>,
+    frame_began: Instant,
+    notes: Vec<String>,
+}
+
+impl App {
+    fn new(
+        creation: &eframe::CreationContext<'_>,
+        options: ViewerOptions,
+        outcome: Arc<std::sync::Mutex<Option<String>>>,
+    ) -> Result<Self, Box<dyn std::error::Error + Send + Sync>> {
+        let window =
+            creation.wgpu_render_state.clone().ok_or("there is no graphics driver for the window")?;
+        // Once more, for the error: without what it lacks nothing is drawn.
+        device_descriptor(&window.adapter)?;
+        let settings = ContextSettings { adapter: options.adapter, ..Default::default() };
+        let context =
+            Context::of_device(&window.adapter, window.device.clone(), window.queue.clone(), &settings);
+        let loaded = Preferences::load();
+        let look = match loaded.preferences.look {
+            WindowLook::Dark => egui::Theme::Dark,
+            WindowLook::Light => egui::Theme::Light,
+        };
+        creation.egui_ctx.set_theme(look);
+        Ok(App {
+            stage: begin(&options.path, &creation.egui_ctx),
+            preferences: loaded.preferences,
+            window,
+            context,
+            script: options.script.map(ScriptRun::new),
+            outcome,
+            frame_began: Instant::now(),
+            notes: loaded.notes,
+        })
+    }
+
+    /// Opens what was loaded.
+    fn open(&mut self, opened: Opened, egui: &egui::Context) -> Result<Open, String> {
+        self.preferences.remember(&opened.path);
+        let repaint = egui.clone();
+        let mut session = Session::new(opened, self.preferences.clone(), move || repaint.request_repaint())
+            .map_err(|error| error.to_string())?;
+        self.notes.drain(..).for_each(|note| session.tell(note));
+        let viewport = Viewport::new(&self.context, &session).map_err(|error| error.to_string())?;
+        Ok(Open { session, viewport })
+    }
+
+    fn follow_loading(&mut self, egui: &egui::Context) {
+        let Stage::Loading(loading) = &self.stage else { return };
+        egui.request_repaint_after(Duration::from_millis(100));
+        let Some(outcome) = loading.take() else { return };
+        let path = loading.path().to_owned();
+        self.stage =
+            match outcome.map_err(|error| error.to_string()).and_then(|opened| self.open(opened, egui)) {
+                Ok(open) => Stage::Open(Box::new(open)),
+                Err(told) => Stage::Failed { path, told },
+            };
+    }
+}
+
+/// Loads a file.
+fn begin(path: &Path, egui: &egui::Context) -> Stage {
+    let repaint = egui.clone();
+    match Loading::begin(path.to_owned(), move || repaint.request_repaint()) {
+        Ok(loading) => Stage::Loading(loading),
+        Err(error) => Stage::Failed { path: path.to_owned(), told: error.to_string() },
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        let egui = ui.ctx().clone();
+        let passed = self.frame_began.elapsed().min(LONGEST_FRAME);
+        self.frame_began = Instant::now();
+        self.follow_loading(&egui);
+        let mut begin_again = None;
+        match &mut self.stage {
+            Stage::Loading(loading) => {
+                if loading_screen(ui, &loading.status(), loading.path()) {
+                    loading.cancel();
+                }
+            }
+            Stage::Failed { path, told } => {
+                if failed_screen(ui, path, told) {
+                    begin_again = Some(path.clone());
+                }
+            }
+            Stage::Open(open) => {
+                if let Err(error) = open.ui(ui, passed, &self.window) {
+                    let path = open.session.path().to_owned();
+                    self.stage = Stage::Failed { path, told: error };
+                }
+            }
+        }
+        if let Some(path) = begin_again {
+            self.stage = begin(&path, &egui);
+        }
+        self.run_script(&egui);
+    }
+
+    fn on_exit(&mut self) {
+        if let Stage::Open(open) = &self.stage {
+            self.preferences = open.session.preferences.clone();
+        }
+        if let Err(error) = self.preferences.save() {
+            eprintln!("{error}");
+        }
+    }
+}
+
+impl App {
+    fn run_script(&mut self, egui: &egui::Context) {
+        let Some(script) = &mut self.script else { return };
+        let outcome = match &mut self.stage {
+            Stage::Loading(_) => return,
+            Stage::Failed { told, .. } => Err(told.clone()),
+            Stage::Open(open) => script.step(egui, &mut open.session, &mut open.viewport),
+        };
+        egui.request_repaint();
+        match outcome {
+            Ok(false) => {}
+            Ok(true) => {
+                self.script = None;
+                egui.send_viewport_cmd(egui::ViewportCommand::Close);
+            }
+            Err(told) => {
+                *self.outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(told);
+                self.script = None;
+                egui.send_viewport_cmd(egui::ViewportCommand::Close);
+            }
+        }
+    }
+}
+
+/// How far loading is. Is it to be cancelled?
+fn loading_screen(ui: &mut Ui, status: &LoadStatus, path: &Path) -> bool {
+    let mut is_cancelled = false;
+    CentralPanel::default().show(ui, |ui| {
+        ui.add_space(0.35 * ui.available_height());
+        ui.vertical_centered(|ui| {
+            ui.heading(path.display().to_string());
+            ui.label(&status.stage);
+            let share = if status.total > 0 { status.done as f32 / status.total as f32 } else { 0.0 };
+            let done = panels::grouped(status.done);
+            let text = if status.total > 0 {
+                format!("{done} of {} {}", panels::grouped(status.total), status.unit)
+            } else {
+                format!("{done} {}", status.unit)
+            };
+            ui.add(ProgressBar::new(share).desired_width(400.0).animate(status.total == 0).text(text));
+            is_cancelled = ui.button("Cancel").clicked();
+        });
+    });
+    is_cancelled
+}
+
+/// What went wrong. Is it to be tried again?
+fn failed_screen(ui: &mut Ui, path: &Path, told: &str) -> bool {
+    let mut again = false;
+    CentralPanel::default().show(ui, |ui| {
+        ui.add_space(0.3 * ui.available_height());
+        ui.vertical_centered(|ui| {
+            ui.heading("This cannot be shown");
+            ui.label(path.display().to_string());
+            ui.colored_label(Color32::LIGHT_RED, told);
+            ui.label("`voxsight verify` checks a scene, `voxsight build` makes one of a model.");
+            again = ui.button("Try again").clicked();
+        });
+    });
+    again
+}
+
+impl Open {
+    /// All of the window. What the GPU could not do is an error.
+    fn ui(&mut self, ui: &mut Ui, passed: Duration, window: &RenderState) -> Result<(), String> {
+        let Open { session, viewport } = self;
+        Panel::top("tools").show(ui, |ui| panels::toolbar(ui, session));
+        Panel::bottom("status").show(ui, |ui| panels::status(ui, session, &viewport.figures));
+        // The picture keeps a fifth of the window.
+        let most = (0.4 * ui.available_width()).max(120.0);
+        let width = session.preferences.left_panel as f32;
+        let left = Panel::left("tree").resizable(true).default_size(width).size_range(120.0..=most);
+        let shown = left.show(ui, |ui| panels::tree(ui, session));
+        session.preferences.left_panel = shown.response.rect.width().into();
+        let width = session.preferences.right_panel as f32;
+        let right = Panel::right("properties").resizable(true).default_size(width).size_range(120.0..=most);
+        let shown = right.show(ui, |ui| {
+            let document = Arc::clone(session.document.scene());
+            let pixels = |object: u32| viewport.pixels_of(&document, object);
+            panels::properties(ui, session, &pixels);
+        });
+        session.preferences.right_panel = shown.response.rect.width().into();
+        let mut outcome = Ok(());
+        CentralPanel::no_frame().show(ui, |ui| {
+            outcome = picture(ui, session, viewport, passed, window);
+        });
+        outcome
+    }
+}
+
+/// The picture, and what mouse and keys do in it.
+fn picture(
+    ui: &mut Ui,
+    session: &mut Session,
+    viewport: &mut Viewport,
+    passed: Duration,
+    window: &RenderState,
+) -> Result<(), String> {
+    let area = ui.available_rect_before_wrap();
+    let response = ui.allocate_rect(area, Sense::click_and_drag());
+    let scale = ui.pixels_per_point();
+    let side = |points: f32| ((points * scale) as u32).clamp(1, crate::camera::MAX_SIDE);
+    session.size = (side(area.width()), side(area.height()));
+    mouse(ui, &response, session, viewport, scale);
+    let motion =
+        if ui.memory(|memory| memory.focused().is_none()) { keys(ui, session) } else { Motion::default() };
+    let is_moving = session.advance(passed, &motion);
+    viewport.answers(session).map_err(|error| error.to_string())?;
+    let has_more = viewport.draw(session, window).map_err(|error| error.to_string())?;
+    if let Some(texture) = viewport.texture() {
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        ui.painter().image(texture, area, whole, Color32::WHITE);
+    }
+    viewport.overlay(session, &ui.painter_at(area), area);
+    if is_moving || has_more {
+        ui.ctx().request_repaint();
+    }
+    Ok(())
+}
+
+fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &mut Viewport, scale: f32) {
+    let place = |point: egui::Pos2| {
+        let at = (point - response.rect.min) * scale;
+        DVec2::new(at.x.into(), at.y.into())
+    };
+    let cursor = response.interact_pointer_pos().or(response.hover_pos()).map(place);
+    let modifiers = ui.input(|input| input.modifiers);
+    if let Some(cursor) = cursor {
+        if response.double_clicked() {
+            session.act_or_tell(&Action::ZoomToSelection);
+        } else if response.clicked() {
+            let purpose = if session.measuring.is_on {
+                Purpose::Measure
+            } else {
+                Purpose::Select { add: modifiers.command }
+            };
+            viewport.pick(session, cursor, purpose);
+        }
+        if response.drag_started_by(PointerButton::Primary)
+            && let Some((ray, Some(distance))) = viewport.point_under(session, cursor)
+        {
+            session.navigator.set_pivot(ray.at(distance));
+        }
+        let wheel = ui.input(|input| input.smooth_scroll_delta().y);
+        if response.hovered()
+            && wheel != 0.0
+            && let Some((ray, distance)) = viewport.point_under(session, cursor)
+        {
+            let steps = f64::from(wheel / POINTS_PER_STEP) * session.preferences.mouse_speed;
+            session.navigator.zoom(steps, &ray, distance);
+        }
+    }
+    let delta = response.drag_delta() * scale;
+    let delta = DVec2::new(delta.x.into(), delta.y.into()) * session.preferences.mouse_speed;
+    if delta == DVec2::ZERO {
+        return;
+    }
+    let size = session.size;
+    let pans = response.dragged_by(PointerButton::Middle)
+        || response.dragged_by(PointerButton::Secondary)
+        || modifiers.shift;
+    match session.navigator.mode() {
+        Mode::Orbit if pans => session.navigator.pan(delta, size),
+        Mode::Orbit => session.navigator.orbit(delta, size),
+        Mode::Fly | Mode::Walk => session.navigator.look(delta, size),
+    }
+}
+
+/// Keys: shortcuts, and motion.
+fn keys(ui: &Ui, session: &mut Session) -> Motion {
+    let pressed = |key| ui.input(|input| input.key_pressed(key) && !input.modifiers.command);
+    let command = |key| ui.input(|input| input.key_pressed(key) && input.modifiers.command);
+    let is_orbit = session.navigator.mode() == Mode::Orbit;
+    for (is_asked, action) in [
+        (pressed(Key::F), Action::ZoomToSelection),
+        (pressed(Key::Home), Action::ZoomAll),
+        (pressed(Key::H), Action::Hide),
+        (pressed(Key::I), Action::Isolate),
+        (pressed(Key::X), Action::Xray),
+        (pressed(Key::M), Action::Measure { on: !session.measuring.is_on }),
+        (pressed(Key::Escape), Action::ClearSelection),
+        (command(Key::Z), Action::Undo),
+        (command(Key::Y), Action::Redo),
+    ] {
+        if is_asked {
+            session.act_or_tell(&action);
+        }
+    }
+    if is_orbit {
+        return Motion::default();
+    }
+    let down = |key| f64::from(u8::from(ui.input(|input| input.key_down(key))));
+    Motion {
+        forward: down(Key::W) + down(Key::ArrowUp) - down(Key::S) - down(Key::ArrowDown),
+        right: down(Key::D) + down(Key::ArrowRight) - down(Key::A) - down(Key::ArrowLeft),
+        up: down(Key::E) - down(Key::Q),
+        hurry: if ui.input(|input| input.modifiers.shift) { 4.0 } else { 1.0 },
+    }
+}

@@ -1,0 +1,54 @@
+//! What stands around the picture. Panels read a [`Session`] and act on it; none knows the GPU.
+
+mod properties;
+mod status;
+mod toolbar;
+mod tree;
+
+pub use properties::properties;
+pub use status::{Figures, status};
+pub use toolbar::toolbar;
+pub use tree::tree;
+
+use super::session::Session;
+
+/// A number with commas: 1,234,567.
+pub fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let (mut text, first) = (String::new(), digits.len() % 3);
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && place % 3 == first {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes for people.
+pub fn bytes(count: u64) -> String {
+    match count {
+        0..1_000 => format!("{count} B"),
+        1_000..1_000_000 => format!("{:.1} kB", count as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", count as f64 / 1e6),
+        _ => format!("{:.2} GB", count as f64 / 1e9),
+    }
+}
+
+/// A button that does something.
+fn button(ui: &mut egui::Ui, session: &mut Session, text: &str, hint: &str, action: &super::action::Action) {
+    if ui.button(text).on_hover_text(hint).clicked() {
+        session.act_or_tell(action);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn numbers_are_for_people() {
+        for (count, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
+            assert_eq!(super::grouped(count), text);
+        }
+        assert_eq!(super::bytes(1_234_567), "1.2 MB");
+    }
+}

@@ -1,0 +1,212 @@
+//! What a user does, and what follows from it.
+
+use glam::DVec3;
+use voxsight::lab::keyframes::CameraPath;
+use voxsight::viewer::action::{Action, AxisName, SideName};
+use voxsight::viewer::bookmarks::node_paths;
+use voxsight::visibility::{Method, QueryScene, QuerySettings, query};
+
+use super::{Sample, rest, wait_for};
+
+fn act(session: &mut voxsight::viewer::session::Session, script: &str) {
+    let action: Action = serde_json::from_str(script).unwrap_or_else(|error| panic!("{script}: {error}"));
+    session.act(&action).unwrap_or_else(|error| panic!("{script}: {error}"));
+}
+
+/// Drawables of objects that are visible from all around, as the document leaves them.
+fn seen(session: &voxsight::viewer::session::Session) -> Vec<bool> {
+    let (filter, _) = session.document.changes();
+    let scene = session.document.scene();
+    let query_scene = QueryScene { filter: &filter, ..scene.query() };
+    let rays = session.camera().rays().unwrap();
+    query(&query_scene, &rays, Method::Hybrid, &QuerySettings::default()).visible
+}
+
+#[test]
+fn what_is_hidden_isolated_looked_through_and_cut_follows_and_is_undone() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    let before = seen(&session);
+    let scene = std::sync::Arc::clone(session.document.scene());
+    let scene = scene.scene();
+    // The object of a drawable that is seen.
+    let drawable = before.iter().rposition(|visible| *visible).unwrap() as u32;
+    let object = scene.drawable_object(drawable);
+    // With its number, where several have this path.
+    let path = node_paths(scene, &[scene.objects()[object as usize].node]).remove(0);
+    act(&mut session, &serde_json::json!({"do": "select", "path": path}).to_string());
+    assert!(session.document.selected().has(object));
+    act(&mut session, r#"{"do":"isolate"}"#);
+    let isolated = seen(&session);
+    assert!(isolated[drawable as usize]);
+    let others = (0..).zip(&isolated).filter(|(_, visible)| **visible).map(|(d, _)| scene.drawable_object(d));
+    assert!(others.clone().all(|other| session.document.selected().has(other)), "others are seen");
+    act(&mut session, r#"{"do":"undo"}"#);
+    assert_eq!(seen(&session), before);
+    act(&mut session, r#"{"do":"redo"}"#);
+    assert_eq!(seen(&session), isolated);
+    act(&mut session, r#"{"do":"show_all"}"#);
+    act(&mut session, r#"{"do":"hide"}"#);
+    assert!(!seen(&session)[drawable as usize], "hidden");
+    assert_eq!(session.document.selected().count(), 0, "what is hidden is not selected any more");
+    act(&mut session, r#"{"do":"undo"}"#);
+    // Looked through, everything hides nothing: more is seen.
+    let roots: Vec<u32> = scene.roots().collect();
+    roots.iter().for_each(|&root| session.select_node(root, true));
+    act(&mut session, r#"{"do":"xray"}"#);
+    let through = seen(&session).iter().filter(|visible| **visible).count();
+    let opaque = before.iter().filter(|visible| **visible).count();
+    assert!(through > opaque, "{through} {opaque}");
+    act(&mut session, r#"{"do":"show_all"}"#);
+    // Cut across an axis, from either side: each drawable is on one of them, or on both.
+    act(&mut session, r#"{"do":"clear_selection"}"#);
+    act(&mut session, r#"{"do":"add_section","axis":"x","at":0.5}"#);
+    let (filter, _) = session.document.changes();
+    let plane = filter.clip_planes()[0];
+    let bounds = scene.meta().bounds;
+    assert!(plane.normal.dot(DVec3::from(bounds.min) - plane.point) > 0.0, "the lower side stays");
+    assert!(plane.normal.dot(DVec3::from(bounds.max) - plane.point) < 0.0);
+    act(&mut session, r#"{"do":"clear_sections"}"#);
+    assert!(session.document.changes().0.clip_planes().is_empty());
+}
+
+#[test]
+fn moved_parts_are_elsewhere_until_they_are_moved_back() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    session.document.select([5, 9]);
+    let before = session.document.bounds([5, 9]).unwrap();
+    act(&mut session, r#"{"do":"move","by":[3.0,0.5,-2.0]}"#);
+    act(&mut session, r#"{"do":"rotate","axis":"y","degrees":90.0}"#);
+    let moved = session.document.bounds([5, 9]).unwrap();
+    let middle = |(min, max): (DVec3, DVec3)| 0.5 * (min + max);
+    assert!((middle(moved) - middle(before) - DVec3::new(3.0, 0.5, -2.0)).length() < 1e-9, "{moved:?}");
+    let (a, b) = (before.1 - before.0, moved.1 - moved.0);
+    assert!((a.x - b.z).abs() < 1e-6 && (a.z - b.x).abs() < 1e-6, "turned by 90 degrees: {a} {b}");
+    let (_, parts) = session.document.changes();
+    let parts = parts.unwrap();
+    let expected: Vec<u32> =
+        [5, 9].iter().flat_map(|&object| session.document.scene().scene().object_drawables(object)).collect();
+    assert_eq!(parts.drawables(), expected);
+    // A ray straight down on it from above meets it.
+    let over = DVec3::new(0.0, 1e3, 0.0);
+    let hits = expected.iter().filter(|&&drawable| {
+        let centre = middle(parts.drawable_box(drawable).unwrap());
+        let ray = voxsight::ray::Ray::new(centre + over, DVec3::NEG_Y);
+        parts.closest(&ray).is_some()
+    });
+    assert!(hits.count() > 0);
+    act(&mut session, r#"{"do":"move_back"}"#);
+    assert_eq!(session.document.bounds([5, 9]).unwrap(), before);
+    assert!(session.document.changes().1.is_none());
+    // A drag is undone at once: three steps of one name.
+    session.document.select([5]);
+    for _ in 0..3 {
+        act(&mut session, r#"{"do":"move","by":[1.0,0.0,0.0]}"#);
+    }
+    act(&mut session, r#"{"do":"undo"}"#);
+    assert!(session.document.state().motions.is_empty());
+}
+
+#[test]
+fn searches_find_reveal_and_end() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    let scene = std::sync::Arc::clone(session.document.scene());
+    let rows = session.tree.rows().len();
+    let text = scene.scene().name(scene.scene().nodes().last().unwrap().name).to_owned();
+    act(&mut session, &serde_json::json!({"do": "search", "text": text}).to_string());
+    wait_for(&mut session, "an answer", |session| session.tree.found().is_some());
+    let expected: Vec<u32> = scene.scene().find(&text).collect();
+    assert_eq!(session.tree.found().unwrap(), expected);
+    assert!(expected.iter().all(|&node| session.tree.row_of(node).is_some()));
+    session.select_node(expected[0], false);
+    act(&mut session, r#"{"do":"search","text":""}"#);
+    assert!(session.tree.found().is_none() && session.tree.row_of(expected[0]).is_some(), "it is still seen");
+    assert!(session.tree.rows().len() >= rows);
+    act(&mut session, r#"{"do":"search","text":"no such thing"}"#);
+    wait_for(&mut session, "an answer", |session| session.tree.found().is_some_and(<[u32]>::is_empty));
+    assert!(session.tree.rows().is_empty());
+}
+
+#[test]
+fn saved_views_come_back_with_what_was_hidden_and_cut() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    session.document.select([3, 4, 8]);
+    act(&mut session, r#"{"do":"hide"}"#);
+    session.document.select([6]);
+    act(&mut session, r#"{"do":"xray"}"#);
+    act(&mut session, r#"{"do":"add_section","axis":"y","at":0.25}"#);
+    act(&mut session, r#"{"do":"look_from","side":"left"}"#);
+    rest(&mut session);
+    let (state, camera) = (session.document.state().clone(), session.camera());
+    session.add_bookmark("Pump room", None);
+    assert_eq!(session.messages, Vec::<String>::new());
+    // Another day.
+    let mut session = sample.session();
+    assert_eq!(session.bookmarks.views().len(), 1);
+    act(&mut session, r#"{"do":"go_to_bookmark","name":"Pump room"}"#);
+    rest(&mut session);
+    assert_eq!(session.camera(), camera);
+    let found = session.document.state();
+    assert_eq!((&found.hidden, &found.seen_through), (&state.hidden, &state.seen_through));
+    assert_eq!(found.sections.len(), 1);
+    assert_eq!(found.sections[0].plane, state.sections[0].plane);
+    act(&mut session, r#"{"do":"remove_bookmark","name":"Pump room"}"#);
+    assert!(sample.session().bookmarks.views().is_empty());
+    let told = session.act(&Action::GoToBookmark { name: "Pump room".into() }).unwrap_err();
+    assert!(told.contains("Pump room"), "{told}");
+}
+
+#[test]
+fn routes_are_recorded_played_edited_and_exported() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    act(&mut session, r#"{"do":"record","on":true}"#);
+    act(&mut session, r#"{"do":"look_from","side":"front"}"#);
+    rest(&mut session);
+    act(&mut session, r#"{"do":"look_from","side":"right"}"#);
+    rest(&mut session);
+    let end = session.camera();
+    act(&mut session, r#"{"do":"record","on":false}"#);
+    let route = session.route.clone().unwrap();
+    assert!(route.duration() > 0.5 && route.keyframes().len() > 2);
+    act(&mut session, r#"{"do":"zoom_all"}"#);
+    act(&mut session, r#"{"do":"play"}"#);
+    wait_for(&mut session, "its end", |session| session.playing.is_none());
+    let there = session.camera();
+    let apart = (DVec3::from(there.eye) - DVec3::from(end.eye)).length();
+    assert!(apart < 1e-2 * (DVec3::from(end.eye) - DVec3::from(end.target)).length(), "{apart}");
+    let file = sample.folder.path().join("route.json");
+    act(&mut session, &serde_json::json!({"do": "export_route", "file": file}).to_string());
+    let path = CameraPath::from_json(&std::fs::read_to_string(&file).unwrap(), None).unwrap();
+    assert!((path.views().unwrap().len() as f64 - 30.0 * route.duration()).abs() < 3.0);
+    act(&mut session, r#"{"do":"speed_route","factor":2.0}"#);
+    let faster = session.route.as_ref().unwrap().duration();
+    assert!((2.0 * faster - route.duration()).abs() < 1e-9);
+    act(&mut session, &serde_json::json!({"do": "open_route", "file": file}).to_string());
+    assert!((session.route.as_ref().unwrap().duration() - route.duration()).abs() < 1e-9);
+}
+
+#[test]
+fn what_cannot_be_done_is_said() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    for action in [
+        Action::Hide,
+        Action::Isolate,
+        Action::ZoomToSelection,
+        Action::Move { by: [1.0, 0.0, 0.0] },
+        Action::Rotate { axis: AxisName::X, degrees: 5.0 },
+    ] {
+        assert_eq!(session.act(&action).unwrap_err(), "nothing is selected", "{action:?}");
+    }
+    assert!(session.act(&Action::Undo).is_err() && session.act(&Action::Play).is_err());
+    assert!(session.act(&Action::Record { on: false }).is_err());
+    let told = session.act(&Action::Select { path: "/nowhere".into(), add: false }).unwrap_err();
+    assert!(told.contains("/nowhere"), "{told}");
+    session.act(&Action::LookFrom { side: SideName::Top }).unwrap();
+    session.act_or_tell(&Action::Hide);
+    assert_eq!(session.messages.last().unwrap(), "nothing is selected");
+}
