@@ -184,6 +184,8 @@ pub enum Action {
     },
     /// Play the route.
     Play,
+    /// Play it no more.
+    Stop,
     /// Add this camera to the route, two seconds after its end.
     AddKeyframe,
     /// Turn the route about.

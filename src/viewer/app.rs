@@ -105,6 +105,10 @@ enum Stage {
 struct Open {
     session: Session,
     viewport: Viewport,
+    /// A text field had the keys in the frame before.
+    had_focus: bool,
+    /// The picture was not at rest then.
+    was_moving: bool,
 }
 
 struct App {
@@ -131,12 +135,21 @@ impl App {
         let settings = ContextSettings { adapter: options.adapter, ..Default::default() };
         let context =
             Context::of_device(&window.adapter, window.device.clone(), window.queue.clone(), &settings);
+        if options.script.is_some() {
+            // Until it has: the window may be closed before.
+            *outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner) =
+                Some("the window was closed before the script was done".to_owned());
+        }
         let loaded = Preferences::load();
         let look = match loaded.preferences.look {
             WindowLook::Dark => egui::Theme::Dark,
             WindowLook::Light => egui::Theme::Light,
         };
         creation.egui_ctx.set_theme(look);
+        // A drag in the picture takes the keys away from a text field, as a click does.
+        creation.egui_ctx.options_mut(|options| {
+            options.input_options.surrender_focus_on = egui::SurrenderFocusOn::Presses;
+        });
         Ok(App {
             stage: begin(&options.path, &creation.egui_ctx),
             preferences: loaded.preferences,
@@ -156,8 +169,18 @@ impl App {
         let mut session = Session::new(opened, self.preferences.clone(), move || repaint.request_repaint())
             .map_err(|error| error.to_string())?;
         self.notes.drain(..).for_each(|note| session.tell(note));
-        let viewport = Viewport::new(&self.context, &session).map_err(|error| error.to_string())?;
-        Ok(Open { session, viewport })
+        let viewport = Viewport::new(&self.context, &session).or_else(|error| {
+            // More than this adapter can hold was asked for: the scene is seen all the same.
+            session.tell(format!("{error}: the usual amount of memory is used"));
+            session.preferences.geometry_bytes = Preferences::default().geometry_bytes;
+            Viewport::new(&self.context, &session)
+        });
+        Ok(Open {
+            session,
+            viewport: viewport.map_err(|error| error.to_string())?,
+            had_focus: false,
+            was_moving: false,
+        })
     }
 
     fn follow_loading(&mut self, egui: &egui::Context) {
@@ -203,6 +226,7 @@ impl eframe::App for App {
             Stage::Open(open) => {
                 if let Err(error) = open.ui(ui, passed, &self.window) {
                     let path = open.session.path().to_owned();
+                    self.preferences = open.session.preferences.clone();
                     self.stage = Stage::Failed { path, told: error };
                 }
             }
@@ -214,7 +238,9 @@ impl eframe::App for App {
     }
 
     fn on_exit(&mut self) {
-        if let Stage::Open(open) = &self.stage {
+        if let Stage::Open(open) = &mut self.stage {
+            // Their picture has not come in time.
+            open.session.save_wanted(None);
             self.preferences = open.session.preferences.clone();
         }
         if let Err(error) = self.preferences.save() {
@@ -235,6 +261,7 @@ impl App {
         match outcome {
             Ok(false) => {}
             Ok(true) => {
+                *self.outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = None;
                 self.script = None;
                 egui.send_viewport_cmd(egui::ViewportCommand::Close);
             }
@@ -288,7 +315,7 @@ fn failed_screen(ui: &mut Ui, path: &Path, told: &str) -> bool {
 impl Open {
     /// All of the window. What the GPU could not do is an error.
     fn ui(&mut self, ui: &mut Ui, passed: Duration, window: &RenderState) -> Result<(), String> {
-        let Open { session, viewport } = self;
+        let Open { session, viewport, had_focus, was_moving } = self;
         Panel::top("tools").show(ui, |ui| panels::toolbar(ui, session));
         Panel::bottom("status").show(ui, |ui| panels::status(ui, session, &viewport.figures));
         // The picture keeps a fifth of the window.
@@ -301,35 +328,42 @@ impl Open {
         let right = Panel::right("properties").resizable(true).default_size(width).size_range(120.0..=most);
         let shown = right.show(ui, |ui| {
             let document = Arc::clone(session.document.scene());
-            let pixels = |object: u32| viewport.pixels_of(&document, object);
-            panels::properties(ui, session, &pixels);
+            let seen = |objects| viewport.seen_of(&document, objects);
+            panels::properties(ui, session, &seen);
         });
         session.preferences.right_panel = shown.response.rect.width().into();
-        let mut outcome = Ok(());
+        let mut outcome = Ok(false);
         CentralPanel::no_frame().show(ui, |ui| {
-            outcome = picture(ui, session, viewport, passed, window);
+            // After a rest no time has passed that anything could have moved in; but who walks may fall.
+            let is_walking = session.navigator.mode() == Mode::Walk;
+            let passed = if *was_moving || is_walking { passed } else { Duration::ZERO };
+            outcome = picture(ui, session, viewport, passed, window, *had_focus);
         });
-        outcome
+        *had_focus = ui.memory(|memory| memory.focused().is_some());
+        *was_moving = outcome?;
+        Ok(())
     }
 }
 
-/// The picture, and what mouse and keys do in it.
+/// The picture, and what mouse and keys do in it. Is there more to come?
 fn picture(
     ui: &mut Ui,
     session: &mut Session,
     viewport: &mut Viewport,
     passed: Duration,
     window: &RenderState,
-) -> Result<(), String> {
+    had_focus: bool,
+) -> Result<bool, String> {
     let area = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(area, Sense::click_and_drag());
     let scale = ui.pixels_per_point();
     let side = |points: f32| ((points * scale) as u32).clamp(1, crate::camera::MAX_SIDE);
     session.size = (side(area.width()), side(area.height()));
     mouse(ui, &response, session, viewport, scale);
-    let motion =
-        if ui.memory(|memory| memory.focused().is_none()) { keys(ui, session) } else { Motion::default() };
-    let is_moving = session.advance(passed, &motion);
+    // Escape has taken the keys from a text field before this is asked: it is not meant for the picture then.
+    let is_free = !had_focus && ui.memory(|memory| memory.focused().is_none());
+    let motion = if is_free { keys(ui, session) } else { Motion::default() };
+    let is_moving = session.advance(passed, &motion) || motion != Motion::default();
     viewport.answers(session).map_err(|error| error.to_string())?;
     let has_more = viewport.draw(session, window).map_err(|error| error.to_string())?;
     if let Some(texture) = viewport.texture() {
@@ -340,7 +374,7 @@ fn picture(
     if is_moving || has_more {
         ui.ctx().request_repaint();
     }
-    Ok(())
+    Ok(is_moving || has_more)
 }
 
 fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &mut Viewport, scale: f32) {
@@ -372,6 +406,7 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
             && let Some((ray, distance)) = viewport.point_under(session, cursor)
         {
             let steps = f64::from(wheel / POINTS_PER_STEP) * session.preferences.mouse_speed;
+            session.playing = None;
             session.navigator.zoom(steps, &ray, distance);
         }
     }
@@ -380,6 +415,7 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
     if delta == DVec2::ZERO {
         return;
     }
+    session.playing = None;
     let size = session.size;
     let pans = response.dragged_by(PointerButton::Middle)
         || response.dragged_by(PointerButton::Secondary)
@@ -394,7 +430,9 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
 /// Keys: shortcuts, and motion.
 fn keys(ui: &Ui, session: &mut Session) -> Motion {
     let pressed = |key| ui.input(|input| input.key_pressed(key) && !input.modifiers.command);
-    let command = |key| ui.input(|input| input.key_pressed(key) && input.modifiers.command);
+    let command = |key, shift| {
+        ui.input(|input| input.key_pressed(key) && input.modifiers.command && input.modifiers.shift == shift)
+    };
     let is_orbit = session.navigator.mode() == Mode::Orbit;
     for (is_asked, action) in [
         (pressed(Key::F), Action::ZoomToSelection),
@@ -403,9 +441,10 @@ fn keys(ui: &Ui, session: &mut Session) -> Motion {
         (pressed(Key::I), Action::Isolate),
         (pressed(Key::X), Action::Xray),
         (pressed(Key::M), Action::Measure { on: !session.measuring.is_on }),
-        (pressed(Key::Escape), Action::ClearSelection),
-        (command(Key::Z), Action::Undo),
-        (command(Key::Y), Action::Redo),
+        (pressed(Key::Escape) && session.playing.is_some(), Action::Stop),
+        (pressed(Key::Escape) && session.playing.is_none(), Action::ClearSelection),
+        (command(Key::Z, false), Action::Undo),
+        (command(Key::Y, false) || command(Key::Z, true), Action::Redo),
     ] {
         if is_asked {
             session.act_or_tell(&action);

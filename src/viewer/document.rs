@@ -116,6 +116,8 @@ pub struct Document {
     version: u64,
     undo: Vec<Undo>,
     redo: Vec<Undo>,
+    /// The last change may go on: it is one gesture.
+    is_open: bool,
 }
 
 impl Document {
@@ -128,6 +130,7 @@ impl Document {
             version: 0,
             undo: Vec::new(),
             redo: Vec::new(),
+            is_open: false,
         }
     }
 
@@ -166,21 +169,30 @@ impl Document {
         }
         self.redo.clear();
         self.version += 1;
+        self.is_open = false;
     }
 
-    /// As [`Document::change`], but one with the last change if that has the same name: what a drag does bit by bit is undone at once.
+    /// As [`Document::change`], but one with the last change if that was made so by the same name and nothing came between: what a drag
+    /// does bit by bit is undone at once. [`Document::end_gesture`] ends it.
     pub fn change_on(&mut self, name: &str, change: impl FnOnce(&mut State)) {
         let count = self.undo.len();
-        let goes_on = self.undo.last().is_some_and(|(last, _)| last == name) && self.redo.is_empty();
+        let goes_on = self.is_open && self.undo.last().is_some_and(|(last, _)| last == name);
         self.change(name, change);
         if goes_on && self.undo.len() > count {
             self.undo.pop();
         }
+        self.is_open = true;
+    }
+
+    /// What comes now is another change, whatever its name.
+    pub fn end_gesture(&mut self) {
+        self.is_open = false;
     }
 
     /// Takes the last change back. Tells its name.
     pub fn undo(&mut self) -> Option<String> {
         let (name, before) = self.undo.pop()?;
+        self.is_open = false;
         self.redo.push((name.clone(), std::mem::replace(&mut self.state, before)));
         self.version += 1;
         Some(name)
@@ -189,6 +201,7 @@ impl Document {
     /// Makes a change again that was taken back. Tells its name.
     pub fn redo(&mut self) -> Option<String> {
         let (name, after) = self.redo.pop()?;
+        self.is_open = false;
         self.undo.push((name.clone(), std::mem::replace(&mut self.state, after)));
         self.version += 1;
         Some(name)
@@ -238,9 +251,9 @@ impl Document {
         });
     }
 
-    /// Moves objects in the world, after what they have moved by before. `name` tells a drag from the next.
+    /// Moves objects in the world, after what they have moved by before.
     pub fn move_by(&mut self, name: &str, objects: &ObjectSet, motion: DAffine3) {
-        self.change_on(name, |state| {
+        self.change(name, |state| {
             for object in objects.iter() {
                 let before = state.motions.get(&object).copied().unwrap_or(DAffine3::IDENTITY);
                 state.motions.insert(object, motion * before);

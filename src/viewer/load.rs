@@ -166,7 +166,11 @@ pub fn open(path: &Path, progress: &dyn Progress) -> Result<Opened, OpenError> {
         remarks = make(path, &cache, progress)?;
     }
     let scene = match Scene::open(&cache) {
-        Ok(scene) => scene,
+        Ok(scene) if !remarks.is_empty() || is_of(&scene, path) => scene,
+        Ok(_) => {
+            remarks = make(path, &cache, progress)?;
+            Scene::open(&cache)?
+        }
         // Of another version, or damaged: it is only a copy.
         Err(_) if remarks.is_empty() => {
             remarks = make(path, &cache, progress)?;
@@ -190,6 +194,23 @@ fn is_fresh(model: &Path, cache: &Path) -> Result<bool, OpenError> {
     let newest = newest_of(model).map_err(file)?;
     let Ok(kept) = std::fs::metadata(cache).and_then(|meta| meta.modified()) else { return Ok(false) };
     Ok(kept > newest)
+}
+
+/// Is a kept scene of this model, as long as it is now? Copies and archives keep the times of files.
+fn is_of(scene: &Scene, model: &Path) -> bool {
+    let length =
+        |path: &Path| std::fs::metadata(path).ok().filter(|meta| meta.is_file()).map(|meta| meta.len());
+    let sources = &scene.meta().sources;
+    match (sources.as_slice(), length(model)) {
+        // One file, and what it refers to is counted with it: it cannot be longer than both.
+        ([only], Some(length)) => {
+            length <= only.bytes && (model.extension() != Some(OsStr::new("glb")) || length == only.bytes)
+        }
+        (several, None) => several
+            .iter()
+            .all(|source| length(&model.join(&source.name)).is_none_or(|length| length <= source.bytes)),
+        (_, Some(_)) => false,
+    }
 }
 
 fn newest_of(model: &Path) -> std::io::Result<SystemTime> {

@@ -1,12 +1,12 @@
 //! Sessions without hands: a list of steps, done in a real window.
 //!
 //! A script is a JSON list. Besides every [`Action`], steps are
-//! `{"do":"wait"}` (until the picture is settled, or `"seconds"`), `{"do":"click","x":0.5,"y":0.5}` (shares of the picture),
+//! `{"do":"wait"}` (until the picture is settled, routes and glides are over, a search has answered; or `"seconds"`), `{"do":"click","x":0.5,"y":0.5}` (shares of the picture),
 //! `{"do":"screenshot","file":"a.png"}` (the whole window), and `{"do":"expect", ...}`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
@@ -141,7 +141,10 @@ impl ScriptRun {
         session: &mut Session,
         viewport: &mut Viewport,
     ) -> Result<bool, String> {
-        let Some(step) = self.steps.get(self.next).cloned() else { return Ok(true) };
+        let Some(step) = self.steps.get(self.next).cloned() else {
+            // Views that are being saved come first.
+            return Ok(session.wanted_bookmarks.is_empty());
+        };
         let since = *self.since.get_or_insert_with(Instant::now);
         let number = self.next;
         let failed = |told: String| format!("script, step {number}: {told}");
@@ -156,6 +159,8 @@ impl ScriptRun {
                 since.elapsed() > Duration::from_millis(300)
                     && viewport.is_settled()
                     && !session.navigator.is_gliding()
+                    && session.playing.is_none()
+                    && !session.is_searching()
             }
             Step::Own(Own::Click { x, y, add }) => {
                 let (width, height) = session.size;
@@ -165,7 +170,7 @@ impl ScriptRun {
                 viewport.pick(session, cursor, purpose);
                 true
             }
-            Step::Own(Own::Screenshot { file }) => self.take_picture(egui, file).map_err(failed)?,
+            Step::Own(Own::Screenshot { file }) => self.take_picture(egui, file, since).map_err(failed)?,
             Step::Own(expected @ Own::Expect { .. }) => {
                 check(session, expected).map_err(failed)?;
                 true
@@ -179,7 +184,7 @@ impl ScriptRun {
     }
 
     /// Asks for the window's picture, or writes it when it is there. Is it written?
-    fn take_picture(&mut self, egui: &egui::Context, file: &Path) -> Result<bool, String> {
+    fn take_picture(&mut self, egui: &egui::Context, file: &Path, since: Instant) -> Result<bool, String> {
         let Some(picture) = &self.picture else {
             let (tell, told) = channel();
             egui.request_screenshot(move |image| {
@@ -189,7 +194,11 @@ impl ScriptRun {
             self.picture = Some(told);
             return Ok(false);
         };
-        let Ok(image) = picture.try_recv() else { return Ok(false) };
+        let image = match picture.try_recv() {
+            Ok(image) => image,
+            Err(TryRecvError::Empty) if since.elapsed() < LONGEST_WAIT => return Ok(false),
+            Err(_) => return Err("the window gives no picture".to_owned()),
+        };
         self.picture = None;
         let bytes: Vec<u8> =
             image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b()]).collect();

@@ -87,12 +87,14 @@ pub struct Session {
     pub is_frozen: bool,
     /// The lost-pixel check is asked for.
     pub is_check_wanted: bool,
-    /// A picture of the window is wanted, to remember a view by; its name.
-    pub wanted_bookmark: Option<String>,
+    /// Views that are to be remembered, as soon as there is a picture of them.
+    pub wanted_bookmarks: Vec<Bookmark>,
     /// Size of the picture, pixels.
     pub size: (u32, u32),
     path: PathBuf,
     search: Search,
+    /// What the newest answer is about.
+    found_text: Option<String>,
     recording: Option<(Recorder, f64)>,
     /// What of an object can be snapped to; the newest.
     features: Option<(u32, Features)>,
@@ -140,9 +142,10 @@ impl Session {
             messages,
             is_frozen: false,
             is_check_wanted: false,
-            wanted_bookmark: None,
+            wanted_bookmarks: Vec::new(),
             size: (1, 1),
             path,
+            found_text: None,
             recording: None,
             features: None,
             probe_filter: (u64::MAX, Filter::default()),
@@ -162,6 +165,11 @@ impl Session {
     /// Is a route recorded?
     pub fn is_recording(&self) -> bool {
         self.recording.is_some()
+    }
+
+    /// Is a search under way?
+    pub fn is_searching(&self) -> bool {
+        !self.search_text.trim().is_empty() && self.found_text.as_deref() != Some(self.search_text.trim())
     }
 
     /// Tells a user something.
@@ -230,6 +238,7 @@ impl Session {
 
     fn take_found(&mut self) {
         let Some(found) = self.search.take() else { return };
+        self.found_text = Some(found.text.clone());
         if found.text == self.search_text.trim() && !found.text.is_empty() {
             self.tree.set_found(self.document.scene().scene(), Some(found.nodes));
             self.scroll_to = Some(0);
@@ -280,7 +289,10 @@ impl Session {
                 let objects = self.selection()?;
                 self.document.move_back(&objects);
             }
-            Action::AddBookmark { name } => self.wanted_bookmark = Some(name.clone()),
+            Action::AddBookmark { name } => {
+                let view = self.view(name);
+                self.wanted_bookmarks.push(view);
+            }
             Action::GoToBookmark { name } => self.go_to_bookmark(name)?,
             Action::RemoveBookmark { name } => self.remove_bookmark(name)?,
             Action::Record { on } => self.set_recording(*on)?,
@@ -289,6 +301,7 @@ impl Session {
                 route.ok_or("there is no route: record one, or open one")?;
                 self.playing = Some(Playing { seconds: 0.0 });
             }
+            Action::Stop => self.playing = None,
             Action::AddKeyframe => self.add_keyframe()?,
             Action::ReverseRoute => self.edit_route(|route| route.reverse())?,
             Action::SpeedRoute { factor } => self.edit_route(|route| route.change_speed(*factor))?,
@@ -388,6 +401,9 @@ impl Session {
     pub fn reveal(&mut self, node: u32) {
         let scene = Arc::clone(self.document.scene());
         self.scroll_to = self.tree.reveal(scene.scene(), node);
+        if self.tree.found().is_none() {
+            self.search_text.clear();
+        }
     }
 
     /// Brings objects into view.
@@ -416,8 +432,10 @@ impl Session {
 
     fn rotate(&mut self, axis: AxisName, degrees: f64) -> Result<(), String> {
         let objects = self.selection()?;
-        let (min, max) = self.document.bounds(objects.iter()).ok_or("nothing is selected")?;
-        let centre = 0.5 * (min + max);
+        // The mean of the parts' own middles turns with them: back and forth ends where it began.
+        let middles = objects.iter().filter_map(|object| self.document.bounds([object]));
+        let sum: DVec3 = middles.map(|(min, max)| 0.5 * (min + max)).sum();
+        let centre = sum / f64::from(objects.count());
         let turn = DAffine3::from_quat(DQuat::from_axis_angle(axis.unit(), degrees.to_radians()));
         let about = DAffine3::from_translation(centre) * turn * DAffine3::from_translation(-centre);
         self.document.move_by("Rotate", &objects, about);
@@ -426,28 +444,47 @@ impl Session {
 
     // --- Saved views ---
 
-    /// Remembers what is seen. `picture` is what it looks like.
-    pub fn add_bookmark(&mut self, name: &str, picture: Option<&image::RgbImage>) {
-        let scene = Arc::clone(self.document.scene());
-        let nodes = |objects: &ObjectSet| -> Vec<u32> {
+    /// What is seen now, to be remembered by a name.
+    fn view(&self, name: &str) -> Bookmark {
+        let scene = self.document.scene().scene();
+        let paths = |objects: &ObjectSet| -> Vec<String> {
             let mut nodes: Vec<u32> =
-                objects.iter().map(|object| scene.scene().objects()[object as usize].node).collect();
+                objects.iter().map(|object| scene.objects()[object as usize].node).collect();
             nodes.dedup();
-            nodes
+            node_paths(scene, &nodes)
         };
         let state = self.document.state();
-        let view = Bookmark {
+        // The shorter list: of a large plant with one pump isolated, the pump.
+        let count = scene.objects().len() as u32;
+        let mut shown = ObjectSet::default();
+        if 2 * state.hidden.count() > count && state.hidden.count() < count {
+            (0..count).filter(|&object| !state.hidden.has(object)).for_each(|object| shown.set(object, true));
+        }
+        let hidden = if shown.count() > 0 { Vec::new() } else { paths(&state.hidden) };
+        Bookmark {
             name: name.to_owned(),
             camera: self.camera(),
-            hidden: node_paths(scene.scene(), &nodes(&state.hidden)),
-            xray: node_paths(scene.scene(), &nodes(&state.seen_through)),
+            hidden,
+            shown: paths(&shown),
+            xray: paths(&state.seen_through),
             planes: self.document.planes().map(Into::into).collect(),
-            thumbnail: picture.and_then(Thumbnail::new),
-        };
-        match self.bookmarks.add(view) {
-            Ok(_) => self.save_bookmarks(),
-            Err(error) => self.tell(error.to_string()),
+            thumbnail: None,
         }
+    }
+
+    /// Saves the views that are to be remembered, with what they look like.
+    pub fn save_wanted(&mut self, picture: Option<&image::RgbImage>) {
+        let thumbnail = picture.and_then(Thumbnail::new);
+        let wanted = std::mem::take(&mut self.wanted_bookmarks);
+        if wanted.is_empty() {
+            return;
+        }
+        for view in wanted {
+            if let Err(error) = self.bookmarks.add(Bookmark { thumbnail: thumbnail.clone(), ..view }) {
+                self.tell(error.to_string());
+            }
+        }
+        self.save_bookmarks();
     }
 
     fn save_bookmarks(&mut self) {
@@ -466,7 +503,8 @@ impl Session {
         let Some(view) = self.bookmarks.views().get(at).cloned() else { return Ok(()) };
         let scene = Arc::clone(self.document.scene());
         let (hidden, xray) = (find_nodes(scene.scene(), &view.hidden), find_nodes(scene.scene(), &view.xray));
-        let missing = hidden.missing + xray.missing;
+        let shown = find_nodes(scene.scene(), &view.shown);
+        let missing = hidden.missing + shown.missing + xray.missing;
         let own_objects = |nodes: &[u32]| {
             let mut set = ObjectSet::default();
             let objects = scene.scene().objects();
@@ -485,6 +523,11 @@ impl Session {
         let sections: Vec<Section> = sections.collect();
         self.document.change("Go to a view", |state| {
             state.hidden = own_objects(&hidden.nodes);
+            if !view.shown.is_empty() {
+                let shown = own_objects(&shown.nodes);
+                let all = 0..scene.scene().objects().len() as u32;
+                all.filter(|&object| !shown.has(object)).for_each(|object| state.hidden.set(object, true));
+            }
             state.seen_through = own_objects(&xray.nodes);
             state.sections = sections;
         });
@@ -545,8 +588,8 @@ impl Session {
 
     // --- Measuring ---
 
-    /// A click while measuring: the first point, or the second.
-    pub fn measure_at(&mut self, camera: &CameraRays, cursor: glam::DVec2, picked: &Picked) {
+    /// A click while measuring: the first point, or the second. `filter` is what is left out.
+    pub fn measure_at(&mut self, camera: &CameraRays, filter: &Filter, cursor: glam::DVec2, picked: &Picked) {
         let scene = Arc::clone(self.document.scene());
         let object = scene.scene().drawable_object(picked.drawable);
         if self.features.as_ref().is_none_or(|(of, _)| *of != object) {
@@ -556,12 +599,8 @@ impl Session {
         }
         let Some((_, features)) = &self.features else { return };
         let motion = self.document.state().motions.get(&object).copied().unwrap_or(DAffine3::IDENTITY);
-        let (filter, _) = self.document.changes();
-        let view = SnapView {
-            camera,
-            filter: &filter,
-            world_from_part: motion * scene.scene().world_from_part(object),
-        };
+        let view =
+            SnapView { camera, filter, world_from_part: motion * scene.scene().world_from_part(object) };
         let found = snap(features, &view, cursor, SNAP_PIXELS, picked);
         match self.measuring.from.take() {
             None => self.measuring.from = Some(found),

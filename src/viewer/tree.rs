@@ -69,6 +69,9 @@ impl Tree {
             ((parent as usize) < scene.nodes().len()).then_some(parent)
         };
         let above: Vec<u32> = std::iter::successors(parent(&node), parent).collect();
+        above.iter().for_each(|node| {
+            self.shut.remove(node);
+        });
         self.open.extend(above);
         self.list(scene);
         let found = self.row_of(node);

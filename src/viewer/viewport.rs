@@ -1,5 +1,6 @@
 //! The picture: frames of the walkthrough as a texture of the window, what is picked in it, what is drawn over it.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
@@ -12,6 +13,7 @@ use super::panels::Figures;
 use super::pick::{PickImage, Picked, pick_pixel, refine};
 use super::session::Session;
 use crate::camera::{Camera, CameraRays};
+use crate::exact::TriangleHit;
 use crate::filter::Filter;
 use crate::gpu::check::{Difference, check};
 use crate::gpu::marks::{Marks, SELECTED};
@@ -79,11 +81,15 @@ pub struct Viewport {
     last: Option<(FrameRecord, Instant)>,
     /// Frames that were alike: the picture rests.
     still: u32,
+    /// The frame that last looked otherwise than the one before.
+    changed: u64,
     drawn_camera: Option<Camera>,
     frozen_camera: Option<Camera>,
     checking: Option<Receiver<Option<Difference>>>,
-    /// A view that is to be remembered, and its picture on the way.
-    thumbnail: Option<(String, TextureRead, (u32, u32))>,
+    /// A picture on the way, for views that are to be remembered.
+    thumbnail: Option<(TextureRead, (u32, u32))>,
+    /// What is wrong with shadows, as it was told.
+    told_fault: Option<String>,
     /// Figures of the newest frames.
     pub figures: Figures,
 }
@@ -118,10 +124,12 @@ impl Viewport {
             picks: Vec::new(),
             last: None,
             still: 0,
+            changed: 0,
             drawn_camera: None,
             frozen_camera: None,
             checking: None,
             thumbnail: None,
+            told_fault: None,
             figures: Figures { budget: preferences.geometry_bytes, ..Figures::default() },
         })
     }
@@ -147,9 +155,13 @@ impl Viewport {
         let now = Instant::now();
         let is_same = self.drawn_camera == Some(camera)
             && record.delta == [0; 3]
-            && record.missing + record.substituted == 0
-            && record.age <= 1;
-        self.still = if is_same { self.still + 1 } else { 0 };
+            && record.missing + record.substituted == 0;
+        if !is_same {
+            self.changed = record.frame;
+        }
+        // An answer about a frame since the last change: however long queries take.
+        let is_answered = session.is_frozen || record.frame - record.age.min(record.frame) > self.changed;
+        self.still = if is_same && is_answered { self.still + 1 } else { 0 };
         if let Some((_, before)) = self.last {
             self.figures.add_time((now - before).as_secs_f32() * 1e3);
         }
@@ -171,12 +183,17 @@ impl Viewport {
             session.tell(told);
         }
         self.remember(session)?;
+        let fault = self.walk.shadow_fault().map(ToString::to_string);
+        if fault != self.told_fault {
+            fault.iter().for_each(|fault| session.tell(format!("shadows: {fault}")));
+            self.told_fault = fault;
+        }
         let gathers = shadow_samples.is_some_and(|samples| samples < ENOUGH_SAMPLES);
         Ok(self.still < 20 || gathers || self.is_asked())
     }
 
     /// Is an answer on its way?
-    fn is_asked(&self) -> bool {
+    pub fn is_asked(&self) -> bool {
         !self.picks.is_empty()
             || self.checking.is_some()
             || self.thumbnail.is_some()
@@ -186,14 +203,13 @@ impl Viewport {
     /// Remembers a view with its picture, as soon as that has come back.
     fn remember(&mut self, session: &mut Session) -> Result<(), GpuError> {
         let targets = self.walk.renderer().targets();
-        if self.thumbnail.is_none() {
-            let read = |name| (name, targets.picture.read_later(&self.context), targets.size);
-            self.thumbnail = session.wanted_bookmark.take().map(read);
+        if self.thumbnail.is_none() && !session.wanted_bookmarks.is_empty() {
+            self.thumbnail = Some((targets.picture.read_later(&self.context), targets.size));
         }
-        let Some((name, read, (width, height))) = &self.thumbnail else { return Ok(()) };
+        let Some((read, (width, height))) = &self.thumbnail else { return Ok(()) };
         let Some(texels) = read.take::<[u8; 4]>(&self.context)? else { return Ok(()) };
         let bytes: Vec<u8> = texels.into_iter().flat_map(|[r, g, b, _]| [r, g, b]).collect();
-        session.add_bookmark(name, image::RgbImage::from_raw(*width, *height, bytes).as_ref());
+        session.save_wanted(image::RgbImage::from_raw(*width, *height, bytes).as_ref());
         self.thumbnail = None;
         Ok(())
     }
@@ -201,8 +217,14 @@ impl Viewport {
     /// Takes over what has changed in the session.
     fn follow(&mut self, session: &mut Session) -> Result<(), WalkError> {
         if session.preferences.shadows && !self.has_voxels {
-            self.walk.load_voxels()?;
-            self.has_voxels = true;
+            match self.walk.load_voxels() {
+                Ok(()) => self.has_voxels = true,
+                // The scene is seen all the same.
+                Err(error) => {
+                    session.preferences.shadows = false;
+                    session.tell(format!("no shadows: {error}"));
+                }
+            }
         }
         if self.version != Some(session.document.version()) {
             let (filter, moved) = session.document.changes();
@@ -211,6 +233,7 @@ impl Viewport {
             self.walk.set_changes(filter, moved)?;
             self.version = Some(session.document.version());
             self.still = 0;
+            self.changed = self.last.as_ref().map_or(0, |(record, _)| record.frame + 1);
         }
         self.walk.set_limits(limits(session));
         if session.is_frozen != self.frozen_camera.is_some() {
@@ -256,15 +279,23 @@ impl Viewport {
         self.still > 3 && !self.is_asked()
     }
 
-    /// Pixels of an object, by the samples of the newest answer, if it is visible.
-    pub fn pixels_of(&self, scene: &LoadedScene, object: u32) -> Option<u64> {
-        let seen = self.walk.seen()?;
-        let drawables = scene.scene().object_drawables(object);
-        let first = seen.visible.partition_point(|candidate| candidate.drawable < drawables.start);
-        let of_object =
-            seen.visible[first..].iter().take_while(|candidate| candidate.drawable < drawables.end);
-        let pixels: Vec<f64> = of_object.map(|candidate| candidate.pixels).collect();
-        (!pixels.is_empty()).then(|| pixels.iter().sum::<f64>().round() as u64)
+    /// How many of some objects that follow each other are visible in the newest answer, and the pixels that they cover there, by its
+    /// samples. Takes as long as there are visible ones.
+    pub fn seen_of(&self, scene: &LoadedScene, objects: Range<u32>) -> (u32, u64) {
+        let all = scene.scene();
+        let (Some(seen), false) = (self.walk.seen(), objects.is_empty()) else { return (0, 0) };
+        let start = all.object_drawables(objects.start).start;
+        let end = all.object_drawables(objects.end - 1).end;
+        let first = seen.visible.partition_point(|candidate| candidate.drawable < start);
+        let those = seen.visible[first..].iter().take_while(|candidate| candidate.drawable < end);
+        let (mut count, mut last, mut pixels) = (0, None, 0.0);
+        for candidate in those {
+            let object = all.drawable_object(candidate.drawable);
+            count += u32::from(last != Some(object));
+            last = Some(object);
+            pixels += candidate.pixels;
+        }
+        (count, pixels.round() as u64)
     }
 
     // --- Picking ---
@@ -329,7 +360,7 @@ impl Viewport {
             let pick = self.picks.remove(0);
             let Ok(rays) = pick.camera.rays() else { continue };
             let found = self.found(session, &pick, &rays, &drawables, &depths);
-            answer(session, &pick, &rays, found);
+            answer(session, &self.filter, &pick, &rays, found);
         }
         Ok(())
     }
@@ -365,7 +396,7 @@ impl Viewport {
         refine(&query, rays, pixel, drawable, motion)
     }
 
-    /// What of glass a ray meets first, nearer than what is drawn. What is looked through is not picked.
+    /// What of glass a ray meets first, nearer than what is drawn, where the file has it. What is looked through is not picked.
     fn glass_at(
         &self,
         session: &Session,
@@ -374,27 +405,29 @@ impl Viewport {
         nearer: Option<f64>,
     ) -> Option<Picked> {
         let scene = session.document.scene();
-        let query = QueryScene { filter: &self.filter, ..scene.query() };
+        let mut filter = self.filter.clone();
+        if let Some(moved) = &self.moved {
+            moved.hide_in(scene, &mut filter);
+        }
+        let exact = scene.query().exact;
         let ray = rays.ray(at.x, at.y);
-        let mut first: Option<crate::exact::TriangleHit> = None;
-        let is_solid_glass = |drawable: u32| !self.filter.is_seen_through(drawable);
-        query.exact.closest_through(&ray, &self.filter, |hit| {
-            let is_moved = self
-                .moved
-                .as_ref()
-                .is_some_and(|moved| moved.drawables().binary_search(&hit.drawable).is_ok());
-            if is_solid_glass(hit.drawable) && !is_moved && first.is_none_or(|first| hit.t < first.t) {
+        let mut first: Option<TriangleHit> = None;
+        exact.closest_through(&ray, &filter, |hit| {
+            let is_nearer = first.is_none_or(|first| hit.t < first.t);
+            if !filter.is_seen_through(hit.drawable) && is_nearer {
                 first = Some(hit);
             }
         });
-        let hit = first.filter(|hit| nearer.is_none_or(|nearer| hit.t < nearer))?;
-        let normal = query.exact.normal(&hit);
+        // Along the ray, as distances of what is drawn are: `t` is a depth.
+        let distance = |hit: &TriangleHit| hit.t * ray.direction.length();
+        let hit = first.filter(|hit| nearer.is_none_or(|nearer| distance(hit) < nearer))?;
+        let normal = exact.normal(&hit);
         Some(Picked {
             drawable: hit.drawable,
             triangle: hit.triangle,
             point: ray.at(hit.t),
             normal: if normal.dot(ray.direction) > 0.0 { -normal } else { normal },
-            distance: hit.t,
+            distance: distance(&hit),
             is_confirmed: true,
         })
     }
@@ -476,11 +509,11 @@ impl Viewport {
 }
 
 /// Does what a click was made for.
-fn answer(session: &mut Session, pick: &Pick, rays: &CameraRays, found: Option<Picked>) {
+fn answer(session: &mut Session, filter: &Filter, pick: &Pick, rays: &CameraRays, found: Option<Picked>) {
     match pick.purpose {
         Purpose::Select { add } => session.select_picked(found.map(|picked| picked.drawable), add),
         Purpose::Measure => match &found {
-            Some(picked) => session.measure_at(rays, pick.cursor, picked),
+            Some(picked) => session.measure_at(rays, filter, pick.cursor, picked),
             None => session.tell("there is nothing to measure from"),
         },
     }

@@ -21,7 +21,9 @@ fn harness(session: Session) -> Harness<'static, Session> {
 }
 
 fn properties_in(ui: &mut egui::Ui, session: &mut Session) {
-    ui.allocate_ui(egui::vec2(900.0, 1400.0), |ui| properties(ui, session, &|_| Some(7)));
+    ui.allocate_ui(egui::vec2(900.0, 1400.0), |ui| {
+        properties(ui, session, &|objects| (objects.len() as u32, 7777))
+    });
 }
 
 /// A row of the tree, which comes last; the name may stand elsewhere, too.
@@ -51,7 +53,7 @@ fn a_part_is_searched_selected_hidden_and_shown_again() {
     harness.run_steps(2);
     assert_eq!(harness.state().document.selected().count(), 1);
     assert!(harness.query_by_label_contains("Triangles by level").is_some(), "its properties are shown");
-    assert!(harness.query_all_by_label("7").count() > 0, "samples in view");
+    assert!(harness.query_all_by_label("7,777").count() > 0, "pixels in view");
     harness.get_by_label("Hide").click();
     harness.run_steps(2);
     assert_eq!(harness.state().document.state().hidden.count(), 1);
@@ -95,7 +97,7 @@ fn sections_views_and_modes_have_buttons() {
     assert_eq!(harness.state().navigator.mode(), voxsight::viewer::navigate::Mode::Walk);
     harness.get_by_label("Save this view").click();
     harness.run_steps(2);
-    assert!(harness.state().wanted_bookmark.is_some(), "the window adds its picture");
+    assert_eq!(harness.state().wanted_bookmarks.len(), 1, "the window adds its picture");
     harness.get_by_label("Shadows").click();
     harness.run_steps(2);
     assert!(harness.state().preferences.shadows);

@@ -76,11 +76,17 @@ fn moved_parts_are_elsewhere_until_they_are_moved_back() {
     let mut session = sample.session();
     session.document.select([5, 9]);
     let before = session.document.bounds([5, 9]).unwrap();
+    let mean = |session: &voxsight::viewer::session::Session| {
+        let middles = [5, 9].map(|object| session.document.bounds([object]).unwrap());
+        0.25 * middles.iter().map(|(min, max)| *min + *max).sum::<DVec3>()
+    };
+    let mean_before = mean(&session);
     act(&mut session, r#"{"do":"move","by":[3.0,0.5,-2.0]}"#);
     act(&mut session, r#"{"do":"rotate","axis":"y","degrees":90.0}"#);
     let moved = session.document.bounds([5, 9]).unwrap();
     let middle = |(min, max): (DVec3, DVec3)| 0.5 * (min + max);
-    assert!((middle(moved) - middle(before) - DVec3::new(3.0, 0.5, -2.0)).length() < 1e-9, "{moved:?}");
+    let by = mean(&session) - mean_before;
+    assert!((by - DVec3::new(3.0, 0.5, -2.0)).length() < 1e-9, "{by}: turned about the parts' middles");
     let (a, b) = (before.1 - before.0, moved.1 - moved.0);
     assert!((a.x - b.z).abs() < 1e-6 && (a.z - b.x).abs() < 1e-6, "turned by 90 degrees: {a} {b}");
     let (_, parts) = session.document.changes();
@@ -99,13 +105,34 @@ fn moved_parts_are_elsewhere_until_they_are_moved_back() {
     act(&mut session, r#"{"do":"move_back"}"#);
     assert_eq!(session.document.bounds([5, 9]).unwrap(), before);
     assert!(session.document.changes().1.is_none());
-    // A drag is undone at once: three steps of one name.
+    // Every move is undone alone, a drag at once.
     session.document.select([5]);
     for _ in 0..3 {
         act(&mut session, r#"{"do":"move","by":[1.0,0.0,0.0]}"#);
     }
     act(&mut session, r#"{"do":"undo"}"#);
-    assert!(session.document.state().motions.is_empty());
+    assert_eq!(session.document.state().motions[&5].translation, DVec3::new(2.0, 0.0, 0.0));
+    act(&mut session, r#"{"do":"move_back"}"#);
+    for share in [0.1, 0.2, 0.3] {
+        session.document.change_on("Drag", |state| {
+            state.motions.insert(5, glam::DAffine3::from_translation(DVec3::X * share));
+        });
+    }
+    session.document.end_gesture();
+    session.document.change_on("Drag", |state| state.motions.clear());
+    act(&mut session, r#"{"do":"undo"}"#);
+    assert_eq!(session.document.state().motions[&5].translation, DVec3::X * 0.3);
+    act(&mut session, r#"{"do":"undo"}"#);
+    assert!(session.document.state().motions.is_empty(), "the drag is undone at once");
+    // Back and forth ends where it began, whatever the sizes.
+    session.document.select([5, 9, 30]);
+    for degrees in [15.0, 15.0, -30.0] {
+        session.act(&Action::Rotate { axis: AxisName::Y, degrees }).unwrap();
+    }
+    for motion in session.document.state().motions.values() {
+        let off = (motion.translation.length()).max((motion.matrix3.x_axis - DVec3::X).length());
+        assert!(off < 1e-9, "{motion:?}");
+    }
 }
 
 #[test]
@@ -141,7 +168,10 @@ fn saved_views_come_back_with_what_was_hidden_and_cut() {
     act(&mut session, r#"{"do":"look_from","side":"left"}"#);
     rest(&mut session);
     let (state, camera) = (session.document.state().clone(), session.camera());
-    session.add_bookmark("Pump room", None);
+    act(&mut session, r#"{"do":"add_bookmark","name":"Pump room"}"#);
+    // What comes before the picture does not count.
+    act(&mut session, r#"{"do":"clear_sections"}"#);
+    session.save_wanted(None);
     assert_eq!(session.messages, Vec::<String>::new());
     // Another day.
     let mut session = sample.session();
@@ -209,4 +239,20 @@ fn what_cannot_be_done_is_said() {
     session.act(&Action::LookFrom { side: SideName::Top }).unwrap();
     session.act_or_tell(&Action::Hide);
     assert_eq!(session.messages.last().unwrap(), "nothing is selected");
+}
+
+#[test]
+fn an_isolated_part_is_remembered_by_itself() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    session.document.select([7]);
+    act(&mut session, r#"{"do":"isolate"}"#);
+    let hidden = session.document.state().hidden.clone();
+    act(&mut session, r#"{"do":"add_bookmark","name":"Alone"}"#);
+    session.save_wanted(None);
+    let view = &session.bookmarks.views()[0];
+    assert_eq!((view.hidden.len(), view.shown.len()), (0, 1), "one path, not hundreds");
+    let mut session = sample.session();
+    act(&mut session, r#"{"do":"go_to_bookmark","name":"Alone"}"#);
+    assert_eq!(session.document.state().hidden, hidden);
 }

@@ -1,5 +1,4 @@
-//! A scripted session in a real window: on the display that there is, or on one of its own (Xvfb). Without either it says that it
-//! skips; with `REQUIRE_GPU=1` it fails.
+//! A scripted session in a real window on a display of its own (Xvfb). Without that it says that it skips; with `REQUIRE_GPU=1` it fails.
 
 use std::io::Write;
 use std::path::Path;
@@ -79,7 +78,7 @@ fn a_scripted_session_picks_hides_cuts_remembers_and_records() {
         {"do": "wait"},
         {"do": "check_lost"},
         {"do": "wait"},
-        {"do": "expect", "message": "0 parts of 16 pixels and more are missing"},
+        {"do": "expect", "message": "; 0 parts of 16 pixels and more are missing"},
     ]);
     std::fs::write(file("steps.json"), steps.to_string()).unwrap();
     let scene = sample.path();

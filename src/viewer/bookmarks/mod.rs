@@ -32,6 +32,9 @@ pub struct Bookmark {
     /// Assembly nodes that were hidden, as [`node_paths`] writes them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub hidden: Vec<String>,
+    /// Where most was hidden: those that were not, instead; empty where `hidden` tells.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shown: Vec<String>,
     /// Those that were seen through, likewise.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub xray: Vec<String>,

@@ -14,7 +14,7 @@ fn view(name: &str) -> Bookmark {
     let planes = vec![SectionPlane { point: [0.1, 0.2, 0.3], normal: [0.0, 0.0, -2.0] }];
     let image = image::RgbImage::from_fn(40, 30, |x, y| image::Rgb([x as u8, y as u8, 7]));
     let thumbnail = Thumbnail::new(&image);
-    Bookmark { name: name.into(), camera, hidden, xray, planes, thumbnail }
+    Bookmark { name: name.into(), camera, hidden, shown: Vec::new(), xray, planes, thumbnail }
 }
 
 fn list(names: &[&str]) -> Bookmarks {

@@ -1,5 +1,6 @@
 //! What is known of the current part, and lists: sections, saved views, the route, measurements.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use egui::{CollapsingHeader, DragValue, Grid, ScrollArea, Ui};
@@ -7,14 +8,17 @@ use glam::DVec3;
 
 use super::{button, grouped};
 use crate::viewer::action::{Action, AxisName};
-use crate::viewer::document::{State, triangles_by_level};
+use crate::viewer::document::triangles_by_level;
 use crate::viewer::measure::LengthUnit;
 use crate::viewer::session::Session;
 
-/// Shows it. `pixels_of` tells the pixels of an object in the newest answer, if it is visible.
-pub fn properties(ui: &mut Ui, session: &mut Session, pixels_of: &dyn Fn(u32) -> Option<u64>) {
+/// How many of some objects are visible, and the pixels that they cover.
+type SeenOf<'a> = &'a dyn Fn(Range<u32>) -> (u32, u64);
+
+/// Shows it.
+pub fn properties(ui: &mut Ui, session: &mut Session, seen_of: SeenOf) {
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-        section(ui, "Part", |ui| part(ui, session, pixels_of));
+        section(ui, "Part", |ui| part(ui, session, seen_of));
         section(ui, "Move", |ui| moving(ui, session));
         section(ui, "Sections", |ui| sections(ui, session));
         section(ui, "Saved views", |ui| bookmarks(ui, session));
@@ -28,7 +32,7 @@ fn section(ui: &mut Ui, title: &str, contents: impl FnOnce(&mut Ui)) {
     CollapsingHeader::new(title).default_open(true).show(ui, contents);
 }
 
-fn part(ui: &mut Ui, session: &Session, pixels_of: &dyn Fn(u32) -> Option<u64>) {
+fn part(ui: &mut Ui, session: &Session, seen_of: SeenOf) {
     let Some(node) = session.current else {
         ui.label("Click a part, or a row of the tree.");
         return;
@@ -40,10 +44,11 @@ fn part(ui: &mut Ui, session: &Session, pixels_of: &dyn Fn(u32) -> Option<u64>) 
     ui.label(all.node_path(node));
     let objects = all.subtree_objects(node);
     let unit = LengthUnit::of(&all.meta().settings);
-    Grid::new("part").num_columns(2).show(ui, |ui| {
+    let width = (ui.available_width() - 130.0).max(60.0);
+    Grid::new("part").num_columns(2).max_col_width(width).show(ui, |ui| {
         let mut line = |what: &str, value: String| {
             ui.label(what);
-            ui.label(value);
+            ui.add(egui::Label::new(value).wrap());
             ui.end_row();
         };
         line("Parts", grouped(objects.len() as u64));
@@ -60,13 +65,13 @@ fn part(ui: &mut Ui, session: &Session, pixels_of: &dyn Fn(u32) -> Option<u64>) 
                 line("Moved by", format!("{:.3}", motion.translation));
             }
         }
-        let pixels: Vec<u64> = objects.clone().filter_map(pixels_of).collect();
-        let seen = match pixels.len() {
+        let (count, pixels) = seen_of(objects.clone());
+        let seen = match count {
             0 => "not in view".to_owned(),
-            count => format!("{} of {}", grouped(count as u64), grouped(objects.len() as u64)),
+            count => format!("{} of {}", grouped(count.into()), grouped(objects.len() as u64)),
         };
         line("Visible", seen);
-        line("Pixels in view", grouped(pixels.iter().sum()));
+        line("Pixels in view", grouped(pixels));
     });
     let extras = all.name(record.extras);
     if !extras.is_empty() {
@@ -101,17 +106,20 @@ fn sections(ui: &mut Ui, session: &mut Session) {
     let meta = session.document.scene().scene().meta();
     let (min, max) = (DVec3::from(meta.bounds.min), DVec3::from(meta.bounds.max));
     let speed = 1e-3 * (max - min).max_element();
-    let mut state = State::clone(session.document.state());
-    let mut removed = None;
-    for (index, section) in state.sections.iter_mut().enumerate() {
+    let mut sections = session.document.state().sections.clone();
+    let (mut removed, mut dragged, mut ended) = (None, None, false);
+    for (index, section) in sections.iter_mut().enumerate() {
         ui.horizontal(|ui| {
             let label = ui.checkbox(&mut section.is_on, section.name.as_str());
             // Where the plane is along its normal.
             let normal = section.plane.normal.normalize_or_zero();
             let mut at = normal.dot(section.plane.point);
-            if ui.add(DragValue::new(&mut at).speed(speed)).labelled_by(label.id).changed() {
+            let value = ui.add(DragValue::new(&mut at).speed(speed)).labelled_by(label.id);
+            if value.changed() {
                 section.plane.point += normal * (at - normal.dot(section.plane.point));
+                dragged = Some(index);
             }
+            ended |= value.drag_stopped() || value.lost_focus();
             if ui.button("Flip").clicked() {
                 section.plane.normal = -section.plane.normal;
             }
@@ -121,10 +129,18 @@ fn sections(ui: &mut Ui, session: &mut Session) {
         });
     }
     if let Some(index) = removed {
-        state.sections.remove(index);
+        sections.remove(index);
     }
-    if state.sections != session.document.state().sections {
-        session.document.change_on("Section", |before| before.sections = state.sections);
+    match dragged {
+        Some(index) => {
+            session
+                .document
+                .change_on(&format!("Move section {}", index + 1), |state| state.sections = sections);
+        }
+        None => session.document.change("Section", |state| state.sections = sections),
+    }
+    if ended {
+        session.document.end_gesture();
     }
     for axis in AxisName::ALL {
         let action = Action::AddSection { axis, at: None, flip: false };
@@ -137,8 +153,10 @@ fn bookmarks(ui: &mut Ui, session: &mut Session) {
     for name in names {
         ui.horizontal(|ui| {
             thumbnail(ui, session, &name);
-            button(ui, session, &name, "See it again", &Action::GoToBookmark { name: name.clone() });
             button(ui, session, "x", "Forget it", &Action::RemoveBookmark { name: name.clone() });
+            if ui.add(egui::Button::new(&name).truncate()).on_hover_text("See it again").clicked() {
+                session.act_or_tell(&Action::GoToBookmark { name: name.clone() });
+            }
         });
     }
     button(ui, session, "Save this view", "Beside the scene", &Action::AddBookmark { name: "View".into() });
@@ -171,18 +189,20 @@ fn route(ui: &mut Ui, session: &mut Session) {
         let text = if on { "Record" } else { "Stop" };
         button(ui, session, text, "What the camera does from now on", &Action::Record { on });
         button(ui, session, "Add this view", "Two seconds after its end", &Action::AddKeyframe);
-        button(ui, session, "Play", "Play the route", &Action::Play);
+        if session.playing.is_some() {
+            button(ui, session, "Stop playing", "Here (Escape)", &Action::Stop);
+        } else {
+            button(ui, session, "Play", "Play the route", &Action::Play);
+        }
         button(ui, session, "Faster", "1.25 times", &Action::SpeedRoute { factor: 1.25 });
         button(ui, session, "Slower", "0.8 times", &Action::SpeedRoute { factor: 0.8 });
         button(ui, session, "Reverse", "Backwards", &Action::ReverseRoute);
         let file = session.path().with_extension("route.json");
-        button(
-            ui,
-            session,
-            "Export",
-            "Beside the scene, for compare, walk and render",
-            &Action::ExportRoute { file },
-        );
+        let export = Action::ExportRoute { file: file.clone() };
+        button(ui, session, "Export", "Beside the scene, for compare, walk and render", &export);
+        if file.exists() {
+            button(ui, session, "Open", "The one beside the scene", &Action::OpenRoute { file });
+        }
     });
 }
 

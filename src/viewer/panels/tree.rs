@@ -166,7 +166,12 @@ fn act(session: &mut Session, row: &Row, what: Done) {
             session.document.set_hidden(objects, is_hidden);
         }
         Done::Asked(action) => {
-            session.select_node(row.node, false);
+            // What is selected with it is meant, too.
+            let objects = session.document.objects_of(row.node);
+            let count = objects.len();
+            if count == 0 || session.document.selected().count_of(objects) as usize != count {
+                session.select_node(row.node, false);
+            }
             session.act_or_tell(&action);
         }
     }
