@@ -32,11 +32,18 @@ if [ "${#missing[@]}" -gt 0 ]; then
     fi
 fi
 
+if [ "$#" -gt 0 ]; then
+    # Some tests, as cargo's flags name them: `bash tests/run.sh --test gpu`.
+    exec cargo test --workspace --locked "$@"
+fi
+
 # The library is compiled a second time for its own tests: unoptimized, in a sixth of the time. What takes long is in `tests/`.
-cargo test -p voxsight --lib --locked \
-    --config profile.test.opt-level=0 --config 'profile.test.package.voxsight-voxel.opt-level=1' "$@"
-cargo test -p voxsight-voxel --locked "$@"
-cargo test -p voxsight --bins --examples --test '*' --locked "$@"
-cargo test -p voxsight --doc --locked "$@"
-# A library user does without the command line.
+# Always of the whole workspace: for one package alone others would be compiled again with fewer features.
+cargo test --workspace --lib --locked \
+    --config profile.test.opt-level=0 --config 'profile.test.package.voxsight-voxel.opt-level=1'
+cargo test --workspace --bins --examples --test '*' --locked
+cargo test --workspace --doc --locked
+# Library users do without the command line, and with one of its features alone.
 cargo check --locked --no-default-features --lib
+cargo check --locked --no-default-features --features gpu --lib
+cargo check --locked --no-default-features --features lab --lib
