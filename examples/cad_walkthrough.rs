@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (centre, up) = (0.5 * (min + max), meta.settings.up.unit());
     let around = Camera::around(min, max, DVec3::new(1.0, 0.7, 0.6), up, SIZE.0, SIZE.1);
     let (lighting, marks) = (Lighting::headlight(), Marks::default());
-    let look = Look { lighting: &lighting, up, marks: &marks, shadows: None };
+    let look = Look { lighting: &lighting, up, marks: &marks, shadows: None, caps: false };
     let mut camera = around;
     for frame in 0..FRAMES {
         // From outside to the middle. The first frame is a jump: nothing is known yet.

@@ -15,6 +15,16 @@ struct Pixel {
     @location(2) colour: vec4f,
 }
 
+// Taken away from the alpha of what is opaque, 255, where the inside of a surface is seen: `shade.wgsl` caps what is cut open there.
+const INSIDE: u32 = 0x01000000u;
+
+// Is the inside of an opaque surface seen? By its winding, which mirrored parts turn about.
+fn is_inside(instance: Instance, normal: vec3f, towards: vec3f) -> bool {
+    let is_mirrored = dot(cross(instance.column_x, instance.column_y), instance.column_z) < 0.0;
+    let is_opaque = (instance.colour >> 24u) == 255u;
+    return HAS_CLIP && is_opaque && (dot(normal, towards) > 0.0) != is_mirrored;
+}
+
 // Three vertices a triangle, fetched and decoded here: nothing is indexed, so that each knows its triangle's normal.
 @vertex
 fn vertex_main(@builtin(vertex_index) vertex: u32, fetched: Instance) -> Seen {
@@ -31,7 +41,7 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, fetched: Instance) -> Seen {
     seen.position = clip_from_relative(view, point);
     seen.drawable = instance.page.w;
     seen.normal = octahedral_pack(select(vec3f(0.0, 0.0, 1.0), facing, is_flat));
-    seen.colour = instance.colour;
+    seen.colour = select(instance.colour, instance.colour & ~INSIDE, is_inside(instance, normal, towards));
     return seen;
 }
 

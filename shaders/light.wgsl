@@ -18,9 +18,10 @@ struct Light {
     has_shadows: u32,
     // Something transparent was drawn.
     has_glass: u32,
+    // What clip planes cut open is drawn as solid.
+    has_caps: u32,
     padding_0: u32,
     padding_1: u32,
-    padding_2: u32,
 }
 
 fn linear_from_srgb(c: vec3f) -> vec3f {

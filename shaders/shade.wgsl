@@ -7,10 +7,13 @@
 // Share of the sun, share of the sky that reach a pixel; row by row; one element where nothing casts shadows.
 @group(0) @binding(4) var<storage, read> reached: array<vec2f>;
 // Sum of what transparent surfaces shine with, weighted, and of their weights; share of what lies behind them that comes through.
-@group(0) @binding(5) var glass_sum: texture_2d<f32>;
-@group(0) @binding(6) var glass_through: texture_2d<f32>;
+// (Binding 5 is that of `clip.wgsl`.)
+@group(0) @binding(6) var glass_sum: texture_2d<f32>;
+@group(0) @binding(7) var glass_through: texture_2d<f32>;
 
 const NOBODY: u32 = 0xffffffffu;
+// Pixels from one line of a hatching to the next.
+const HATCH: i32 = 7;
 
 fn srgb_from_linear(linear: vec3f) -> vec3f {
     let c = clamp(linear, vec3f(0.0), vec3f(1.0));
@@ -41,6 +44,39 @@ fn is_outline(pixel: vec2i) -> bool {
     return inside > 0 && outside > 0;
 }
 
+// Does a pixel show what a clip plane cuts open? There the inside of a surface is seen, and the ray to it comes out of what is cut
+// away: it is within something solid. (Of closed surfaces; an open one looks solid from its inside, too.)
+fn is_cap(pixel: vec2i) -> bool {
+    // 255 is the outside.
+    if textureLoad(colours, pixel, 0).w > 254.5 / 255.0 || textureLoad(drawables, pixel, 0).x == NOBODY {
+        return false;
+    }
+    let at = vec2f(pixel) + 0.5;
+    return kept(point_at(view, at, 0.0), direction_at(view, at), 1e30, 1.0).x > 0.0;
+}
+
+// Is a capped pixel on the border of the cap of one drawable?
+fn is_cap_border(pixel: vec2i, drawable: u32) -> bool {
+    let size = vec2i(i32(view.width), i32(view.height));
+    for (var side = 0; side < 4; side++) {
+        let away = vec2i(select(0, 1 - (side & 2), (side & 1) == 0), select(0, 1 - (side & 2), (side & 1) == 1));
+        let at = clamp(pixel + away, vec2i(0), size - 1);
+        if textureLoad(drawables, at, 0).x != drawable || !is_cap(at) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// A drawable's own colour, hatched as sections are in drawings; dark on its border.
+fn cap_colour(pixel: vec2i, drawable: u32, albedo: vec3f) -> vec3f {
+    if is_cap_border(pixel, drawable) {
+        return albedo * 0.08;
+    }
+    let is_line = ((pixel.x + pixel.y) % HATCH) == 0;
+    return albedo * select(0.8, 0.35, is_line);
+}
+
 @vertex
 fn vertex_main(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
     // One triangle over the whole picture.
@@ -65,6 +101,9 @@ fn fragment_main(@builtin(position) position: vec4f) -> @location(0) vec4f {
             shares = reached[u32(pixel.y) * view.width + u32(pixel.x)];
         }
         colour = albedo * reflected(normal, normalize(-direction), view.forward, shares);
+        if light.has_caps != 0u && is_cap(pixel) {
+            colour = cap_colour(pixel, drawable, albedo);
+        }
         if (mark_of(drawable) & HIGHLIGHTED) != 0u {
             colour = mix(colour, HIGHLIGHT, 0.45);
         }

@@ -6,7 +6,7 @@ use crate::ray::Ray;
 use glam::DVec3;
 
 /// How opaque a drawable is drawn that is looked through (x-ray), of 255.
-pub const SEEN_THROUGH_ALPHA: u8 = 40;
+const SEEN_THROUGH_ALPHA: u8 = 40;
 
 /// A set of drawables: a bit each; words that are missing have none.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,6 +57,17 @@ impl Filter {
     #[inline]
     pub fn is_seen_through(&self, drawable: u32) -> bool {
         self.seen_through.has(drawable)
+    }
+
+    /// How opaque a drawable of this opacity, of 255, is drawn.
+    #[inline]
+    pub fn alpha_of(&self, drawable: u32, alpha: u8) -> u8 {
+        if self.is_seen_through(drawable) { alpha.min(SEEN_THROUGH_ALPHA) } else { alpha }
+    }
+
+    /// Are the same drawables hidden and looked through, whatever is cut away?
+    pub fn is_same_but_for_planes(&self, other: &Filter) -> bool {
+        (&self.hidden, &self.seen_through) == (&other.hidden, &other.seen_through)
     }
 
     /// Adds a clip plane: what is not inside of it is not there.

@@ -11,7 +11,7 @@
 //! - [`camera`] makes [`ray`]s, [`filter`] leaves out what is hidden or cut away; [`visibility`] asks what they see, and
 //!   how wrong the answer is; [`render`] makes a picture of it, with soft shadows, and files of any size
 //!   ([`render::file`]).
-//! - [`moved`] is where parts are that a user has moved.
+//! - [`shown`] is a scene as a user has left it: what is hidden, cut away, looked through, and where [`moved`] parts are now.
 //! - [`lod`] chooses how fine what is visible is drawn, under a budget; [`streaming`] keeps a memory of fixed size filled with
 //!   it.
 //! - `gpu` (a feature) draws what is resident and casts rays through the voxels there; `walkthrough` is the frame loop over all
@@ -54,6 +54,7 @@ pub mod render;
 pub mod report;
 pub mod sample;
 pub mod scene;
+pub mod shown;
 pub mod streaming;
 #[cfg(feature = "viewer")]
 pub mod viewer;

@@ -2,23 +2,26 @@
 //! new one it is found by the triangles of a small scene of its own, and casts shadows by voxels of its own.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
 use glam::{DAffine3, DVec3};
 use voxsight_voxel::dag::Dag;
 use voxsight_voxel::grid::{Grid, GridError};
-use voxsight_voxel::voxelize::{Drawables, SnappedMesh, VoxelizeError, voxelize};
+use voxsight_voxel::voxelize::{Drawables, OwnerSink, Settings, SnappedMesh, VoxelizeError, voxelize_into};
 
 use crate::camera::CameraRays;
 use crate::exact::{ExactScene, Instance, TriangleHit};
 use crate::filter::Filter;
 use crate::loaded::LoadedScene;
 use crate::lod::{Candidate, candidates};
-use crate::progress::Silent;
+use crate::progress::{Progress, Silent};
 use crate::ray::Ray;
 use crate::visibility::coherent::CoherentQuery;
 use crate::visibility::culling::Culling;
 use crate::visibility::{Method, QueryScene, QuerySettings, VisibleSet, query};
+
+/// Memory for the voxels of what was moved: they serve shadows alone.
+const MOST_VOXEL_BYTES: u64 = 1 << 30;
 
 /// Where objects have been moved to: object to the motion that it has made in the world.
 pub type Motions = BTreeMap<u32, DAffine3>;
@@ -27,7 +30,6 @@ pub type Motions = BTreeMap<u32, DAffine3>;
 pub struct Moved {
     /// Rising. Drawable i of `exact` is the i-th of these.
     drawables: Vec<u32>,
-    motions: Motions,
     placements: BTreeMap<u32, DAffine3>,
     exact: ExactScene,
     /// Of each drawable of `exact`.
@@ -84,17 +86,12 @@ impl Moved {
             let (min, max) = exact.drawable_box(index);
             (min, max, index..index + 1)
         });
-        Moved { boxes: boxes.collect(), drawables, motions: motions.clone(), placements, exact, filter: own }
+        Moved { boxes: boxes.collect(), drawables, placements, exact, filter: own }
     }
 
     /// Moved drawables that are not hidden, rising.
     pub fn drawables(&self) -> &[u32] {
         &self.drawables
-    }
-
-    /// What has been moved, and where to; what is hidden as well.
-    pub fn motions(&self) -> &Motions {
-        &self.motions
     }
 
     /// Corners of a box around all of them; `None` of none.
@@ -108,17 +105,19 @@ impl Moved {
         self.placements.get(&object).copied()
     }
 
-    /// Hides all moved drawables at their old places.
-    pub fn hide_in(&self, scene: &LoadedScene, filter: &mut Filter) {
-        for &object in self.placements.keys() {
-            scene.scene().object_drawables(object).for_each(|drawable| filter.set_hidden(drawable, true));
-        }
+    /// The nearest hit with a moved drawable, of glass or not, where it is now; its drawable is the scene's.
+    pub fn closest(&self, ray: &Ray) -> Option<TriangleHit> {
+        self.exact.closest(ray, &self.filter).map(|hit| self.of_scene(hit))
     }
 
-    /// The nearest hit with a moved drawable, where it is now; its drawable is the scene's.
-    pub fn closest(&self, ray: &Ray) -> Option<TriangleHit> {
-        let hit = self.exact.closest(ray, &self.filter)?;
-        Some(TriangleHit { drawable: self.drawables[hit.drawable as usize], ..hit })
+    /// The same of what is neither of glass nor looked through; `through` as in [`ExactScene::closest_through`].
+    pub fn closest_through(&self, ray: &Ray, mut through: impl FnMut(TriangleHit)) -> Option<TriangleHit> {
+        let hit = self.exact.closest_through(ray, &self.filter, |hit| through(self.of_scene(hit)));
+        hit.map(|hit| self.of_scene(hit))
+    }
+
+    fn of_scene(&self, hit: TriangleHit) -> TriangleHit {
+        TriangleHit { drawable: self.drawables[hit.drawable as usize], ..hit }
     }
 
     /// Normal of such a hit.
@@ -166,15 +165,21 @@ impl Moved {
     ///
     /// # Errors
     ///
-    /// They reach farther than a grid of such voxels can.
-    pub fn voxels(&self, voxel_size: f64) -> Result<Option<MovedVoxels>, MovedError> {
+    /// They reach farther than a grid of such voxels can, or take more than a gigabyte; `progress` was cancelled.
+    pub fn voxels(
+        &self,
+        voxel_size: f64,
+        progress: &dyn Progress,
+    ) -> Result<Option<MovedVoxels>, MovedError> {
         let exact = &self.exact;
         let casts = |&index: &u32| !exact.is_transparent(index) && !self.filter.is_seen_through(index);
         let casting: Vec<u32> = (0..exact.drawable_count()).filter(casts).collect();
         let bounds = casting.iter().map(|&index| exact.drawable_box(index));
         let Some((min, max)) = bounds.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else { return Ok(None) };
         let grid = Grid::with_voxel_size(min, max, voxel_size)?;
-        let dag = voxelize(&grid, &Casting { grid, exact, drawables: &casting })?.dag;
+        let drawables = Casting { grid, exact, drawables: &casting, progress };
+        let settings = Settings { memory: Some(MOST_VOXEL_BYTES), ..Settings::default() };
+        let dag = voxelize_into(&grid, &drawables, &settings, &mut NoOwners)?.dag;
         Ok(Some(MovedVoxels { grid, dag }))
     }
 }
@@ -184,11 +189,26 @@ struct Casting<'a> {
     grid: Grid,
     exact: &'a ExactScene,
     drawables: &'a [u32],
+    progress: &'a dyn Progress,
+}
+
+/// Nobody asks whose the voxels are.
+struct NoOwners;
+
+impl OwnerSink for NoOwners {
+    fn append(&mut self, _: &[u64]) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 impl Drawables for Casting<'_> {
     fn count(&self) -> u32 {
         self.drawables.len() as u32
+    }
+
+    fn advance(&self, triangles: u64) -> ControlFlow<()> {
+        self.progress.advance(triangles);
+        if self.progress.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn load(&self, drawable: u32, mesh: &mut SnappedMesh) {

@@ -9,6 +9,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use glam::{DAffine3, Vec3};
+use serde_json::Value;
 use voxsight_voxel::dag::{DagRef, OwnersRef};
 use voxsight_voxel::grid::Grid;
 
@@ -159,21 +160,29 @@ impl Scene {
         before(node)..before(end)
     }
 
-    /// Nodes whose name contains `text`, or whose path does if `text` contains a `/`. Case does not matter, nor does it
-    /// whether a `/` inside a name is written as such or escaped as in [`Scene::node_path`]. In order.
+    /// Nodes whose name contains `text`, or a value in their extras (a part number), or whose path does if `text` contains a `/`.
+    /// Case does not matter, nor does it whether a `/` inside a name is written as such or escaped as in [`Scene::node_path`]. In
+    /// order.
     pub fn find(&self, text: &str) -> impl Iterator<Item = u32> + '_ {
+        let mut is_found = self.finder(text);
+        (0..self.nodes().len() as u32).filter(move |&node| is_found(node))
+    }
+
+    /// Tells whether [`Scene::find`] finds a node; to be asked about one after the other, in order.
+    pub fn finder(&self, text: &str) -> impl FnMut(u32) -> bool + '_ {
         let wanted: String = folded(&text.replace("\\/", "/").replace("\\\\", "\\")).collect();
         let in_paths = wanted.contains('/');
         let mut search = PathSearch::default();
-        (0..self.nodes().len() as u32).filter(move |&index| {
+        move |index| {
             let node = &self.nodes()[index as usize];
             let name = self.name(node.name);
             if in_paths {
                 search.visit(index, node.subtree_end, name, &wanted)
             } else {
                 folded(name).collect::<String>().contains(&wanted)
+                    || in_values(self.name(node.extras), &wanted)
             }
-        })
+        }
     }
 
     // --- Objects and drawables ---
@@ -243,6 +252,24 @@ fn list_drawables(container: &Container) -> Result<Vec<Drawable>, ContainerError
         drawables.extend(chunks.map(|chunk| Drawable { object, chunk }));
     }
     Ok(drawables)
+}
+
+/// Is a folded text in a value of extras, which are JSON? Names of fields do not count.
+fn in_values(extras: &str, wanted: &str) -> bool {
+    // Next to none has it anywhere: that is quick to see.
+    if extras.is_empty() || !folded(extras).collect::<String>().contains(wanted) {
+        return false;
+    }
+    fn is_in(value: &Value, wanted: &str) -> bool {
+        match value {
+            Value::String(text) => folded(text).collect::<String>().contains(wanted),
+            Value::Number(number) => number.to_string().contains(wanted),
+            Value::Array(list) => list.iter().any(|value| is_in(value, wanted)),
+            Value::Object(fields) => fields.values().any(|value| is_in(value, wanted)),
+            Value::Null | Value::Bool(_) => false,
+        }
+    }
+    serde_json::from_str(extras).is_ok_and(|value: Value| is_in(&value, wanted))
 }
 
 /// Text without case. Character by character (unlike `str::to_lowercase`, which writes a sigma at a word's end

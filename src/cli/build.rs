@@ -70,7 +70,7 @@ impl Build {
         let imported = import(&self.inputs, &ImportOptions::default(), &guard);
         guard.check()?;
         let mut imported = imported?;
-        self.note_guesses(&mut imported);
+        imported.note_guesses(self.unit.is_some(), self.up.is_some());
         let import_seconds = started.elapsed().as_secs_f64();
         let settings = self.settings(&imported);
         let sources = imported.sources.iter().map(|source| Source {
@@ -89,16 +89,6 @@ impl Build {
             return print_json(&report);
         }
         print_summary(&outcome, started.elapsed().as_secs_f64(), &self.output)
-    }
-
-    /// What the files do not say and the user did not either is taken, and said.
-    fn note_guesses(&self, imported: &mut Imported) {
-        let sources: Vec<String> = imported.sources.iter().map(|source| source.name.clone()).collect();
-        let first = || sources.first().cloned().unwrap_or_default();
-        let no_unit = self.unit.is_none() && imported.metres_per_unit.is_none();
-        let no_up = self.up.is_none() && imported.up_axis.is_none();
-        imported.findings.add("model without a unit: metres assumed (--unit)", u64::from(no_unit), first);
-        imported.findings.add("model without an up axis: z assumed (--up)", u64::from(no_up), first);
     }
 
     fn settings(&self, imported: &Imported) -> BuildSettings {

@@ -1,13 +1,14 @@
 //! `voxsight view`: walks through a scene in a window.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
 
 use super::Failure;
 use super::numbers::parse_size;
 use crate::viewer::script::Script;
-use crate::viewer::{ViewerOptions, run};
+use crate::viewer::{Interrupt, ViewerOptions, run};
 
 /// Flags of `view`.
 #[derive(Args)]
@@ -31,6 +32,15 @@ impl View {
         // Before a window opens that would only close again.
         std::fs::metadata(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
         let script = self.script.as_deref().map(Script::read).transpose()?;
-        Ok(run(ViewerOptions { path: self.file, script, adapter: self.adapter, size: self.size })?)
+        let interrupt = Arc::new(Interrupt::default());
+        let asked = Arc::clone(&interrupt);
+        ctrlc::set_handler(move || {
+            if !asked.ask() {
+                std::process::exit(1);
+            }
+        })
+        .map_err(|error| format!("cannot watch for Ctrl-C: {error}"))?;
+        let (path, adapter, size) = (self.file, self.adapter, self.size);
+        Ok(run(ViewerOptions { path, script, adapter, size, interrupt })?)
     }
 }

@@ -15,8 +15,7 @@ use super::progress::TerminalProgress;
 use super::walk_summary::{Checked, Summary};
 use super::{Failure, usage};
 use crate::camera::Camera;
-use crate::filter::Filter;
-use crate::gpu::check::check;
+use crate::gpu::check::{compare, expected};
 use crate::gpu::marks::Marks;
 use crate::gpu::shadow::ShadowSettings;
 use crate::gpu::{Context, ContextSettings};
@@ -31,7 +30,9 @@ use crate::scene::Scene;
 use crate::streaming::StreamSettings;
 use crate::visibility::coherent::CoherentSettings;
 use crate::visibility::{RayMethod, RaysPerPixel};
-use crate::walkthrough::{Latency, Look, Upload, WalkSettings, Walkthrough, csv_header, csv_line};
+use crate::walkthrough::{
+    FrameRecord, Latency, Look, Upload, WalkSettings, Walkthrough, csv_header, csv_line,
+};
 
 /// Flags of `walk`.
 #[derive(Args)]
@@ -238,6 +239,7 @@ impl Run<'_> {
             up: self.scene.scene().meta().settings.up.unit(),
             marks: &marks,
             shadows: self.shadows,
+            caps: false,
         };
         let mut summary = Summary::new(context, self.flags.budget, self.flags.triangles);
         let mut table = csv_header();
@@ -250,6 +252,8 @@ impl Run<'_> {
             let view = &self.views[number];
             let is_cut = view.starts_anew || number == frames.start;
             let record = walk.frame(&view.camera, is_cut, self.later(number), &look)?;
+            // The path's number, as pictures have it.
+            let record = FrameRecord { frame: number as u64, ..record };
             let checked = self.check(walk, context, &view.camera, progress)?;
             if self.flags.check && checked.is_none() {
                 // Stopped amid it.
@@ -272,10 +276,9 @@ impl Run<'_> {
         };
         let done = frames.clone().take_while(|_| !progress.is_cancelled()).try_for_each(&mut frame);
         // What was measured is kept, whatever came then.
-        if let Some(csv) = &self.flags.csv {
-            write_whole(csv, table.as_bytes())?;
-        }
+        let csv = self.flags.csv.as_ref().map_or(Ok(()), |csv| write_whole(csv, table.as_bytes()));
         done?;
+        csv?;
         if progress.is_cancelled() {
             return Err(format!("stopped after {} of {} frames", summary.frames(), frames.len()).into());
         }
@@ -301,8 +304,9 @@ impl Run<'_> {
         }
         let found: Vec<u32> = walk.renderer().targets().drawable.read(context)?;
         let quiet = crate::progress::Quiet(progress);
-        let difference = check(self.scene, &Filter::default(), &camera.rays()?, &found, &quiet);
-        Ok(difference.map(|difference| Checked { difference }))
+        let rays = camera.rays()?;
+        let expected = expected(walk.shown(), &rays, &quiet);
+        Ok(expected.map(|expected| Checked { difference: compare(&expected, &found, rays.size()).0 }))
     }
 
     fn write_picture(

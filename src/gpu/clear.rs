@@ -1,4 +1,4 @@
-//! Voxels that stop no light though they are occupied: all their owners are transparent or hidden.
+//! Voxels that stop no light though they are occupied: all their owners are of glass, hidden, looked through or elsewhere.
 //!
 //! Shaders do not know who owns a voxel. The bricks in which such voxels are go into a hash table beside the DAG, which is looked
 //! up where a ray meets a voxel, and is empty for most scenes. It is made anew when things are hidden or shown; the voxels are not.

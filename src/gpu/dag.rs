@@ -78,9 +78,12 @@ impl GpuDag {
     ///
     /// More bricks than a buffer holds.
     pub fn set_clear(&mut self, context: &Context, clear: &ClearBricks) -> Result<(), GpuError> {
-        self.clear = clear_buffer(context, clear)?;
-        self.uniform.clear_slots = clear.last_slot();
-        self.uniform_buffer = context.uniform("dag", &self.uniform);
+        let buffer = clear_buffer(context, clear)?;
+        let uniform = DagUniform { clear_slots: clear.last_slot(), ..self.uniform };
+        let uniform_buffer = context.uniform("dag", &uniform);
+        // What could not be made must not be drawn with.
+        context.check()?;
+        (self.clear, self.uniform, self.uniform_buffer) = (buffer, uniform, uniform_buffer);
         Ok(())
     }
 

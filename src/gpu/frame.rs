@@ -42,6 +42,8 @@ pub struct FrameInput<'a> {
     pub marks: &'a Marks,
     /// Cast by voxels, if at all.
     pub shadows: Option<ShadowSettings>,
+    /// What `clip` cuts open is drawn as solid.
+    pub caps: bool,
     /// Another number where other drawables are drawn or cast shadows: accumulated shadows begin anew.
     pub scene: u64,
 }
@@ -99,9 +101,11 @@ impl FrameRenderer {
     /// More than the adapter can hold.
     pub fn set_voxels(&mut self, dag: &DagRef, grid: &Grid, clear: &ClearBricks) -> Result<(), GpuError> {
         let dag = GpuDag::new(&self.context, dag, clear)?;
-        let casters = vec![Caster { dag, grid: *grid }];
-        self.voxels = Some(Voxels { casters, pass: ShadowPass::new(&self.context) });
-        self.context.check()
+        let pass = ShadowPass::new(&self.context);
+        // What could not be made must not be drawn with.
+        self.context.check()?;
+        self.voxels = Some(Voxels { casters: vec![Caster { dag, grid: *grid }], pass });
+        Ok(())
     }
 
     /// Makes other voxels cast shadows beside the scene's: those of what was moved. Nothing without [`FrameRenderer::set_voxels`].
@@ -114,9 +118,10 @@ impl FrameRenderer {
         voxels.casters.truncate(1);
         if let Some((dag, grid)) = moved {
             let dag = GpuDag::new(&self.context, dag, &ClearBricks::default())?;
+            self.context.check()?;
             voxels.casters.push(Caster { dag, grid: *grid });
         }
-        self.context.check()
+        Ok(())
     }
 
     /// Other drawables cast shadows.
@@ -177,8 +182,10 @@ impl FrameRenderer {
         let FrameRenderer { context, memory, geometry, glass, shade, timer, .. } = self;
         let (camera, bounds) = (&input.list.camera, input.list.bounds);
         let pixels = u64::from(camera.size().0) * u64::from(camera.size().1);
-        // Before anything is recorded: what is not submitted would be lost.
-        context.check_bound("bytes of shadows, 8 a pixel", 8 * pixels)?;
+        if self.voxels.is_some() && input.shadows.is_some() {
+            // Before anything is recorded: what is not submitted would be lost.
+            context.check_bound("bytes of shadows, 8 a pixel", 8 * pixels)?;
+        }
         if self.targets.size != camera.size() {
             self.targets = Targets::new(context, camera.size())?;
         }
@@ -218,12 +225,16 @@ impl FrameRenderer {
             _ => None,
         };
         let has_glass = !input.list.transparent.is_empty();
-        let light = LightUniform::new(input.lighting, input.up, reached.is_some(), has_glass);
+        let light = LightUniform {
+            has_caps: (input.caps && !clip.is_empty()).into(),
+            ..LightUniform::new(input.lighting, input.up, reached.is_some(), has_glass)
+        };
         let light = LightInputs { light: &context.uniform("light", &light), marks: &marks };
         if has_glass {
             glass.record(&mut recording, &pages, &light, &self.targets);
         }
-        let inputs = ShadeInputs { view: &view, reached: reached.unwrap_or(&self.nothing), light };
+        let inputs =
+            ShadeInputs { view: &view, reached: reached.unwrap_or(&self.nothing), clip: &clip, light };
         shade.record(&mut recording, &inputs, &self.targets);
         timer.end(&mut encoder);
         context.queue.submit([encoder.finish()]);

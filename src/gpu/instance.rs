@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3, IVec3};
 
 use crate::camera::CameraRays;
-use crate::filter::{Filter, SEEN_THROUGH_ALPHA};
+use crate::filter::Filter;
 use crate::lod::Choice;
 use crate::moved::Moved;
 use crate::scene::Scene;
@@ -162,8 +162,7 @@ impl DrawList {
         let page_of = |choice: &Choice| scene.page_of(choice.drawable, choice.level);
         let colour_of = |choice: &Choice| {
             let [r, g, b, a] = scene.objects()[scene.drawable_object(choice.drawable) as usize].colour;
-            let is_seen_through = changes.filter.is_seen_through(choice.drawable);
-            [r, g, b, if is_seen_through { a.min(SEEN_THROUGH_ALPHA) } else { a }]
+            [r, g, b, changes.filter.alpha_of(choice.drawable, a)]
         };
         let shown = drawn.iter().filter(|choice| !changes.filter.is_hidden(choice.drawable));
         let mut order: Vec<(bool, u32, Choice)> =

@@ -19,9 +19,9 @@ pub struct LightUniform {
     pub sun_reflected: [f32; 3],
     pub has_shadows: u32,
     pub has_glass: u32,
+    pub has_caps: u32,
     pub padding_0: u32,
     pub padding_1: u32,
-    pub padding_2: u32,
 }
 
 impl LightUniform {

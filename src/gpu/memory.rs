@@ -54,7 +54,9 @@ impl Slabs {
 
     /// What shaders need to know: the values of `NAME_SHIFT`, log2 of the words of a slab, and `NAME_SLABS`.
     pub fn constants<'n>(&self, [shift, slabs]: [&'n str; 2]) -> [(&'n str, f64); 2] {
-        [(shift, self.shift.into()), (slabs, self.buffers.len() as f64)]
+        // A single slab is not looked for: another size of it is no other shader.
+        let own = if self.buffers.len() > 1 { self.shift } else { 0 };
+        [(shift, own.into()), (slabs, self.buffers.len() as f64)]
     }
 
     /// Bytes of all slabs.

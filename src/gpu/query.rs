@@ -24,7 +24,7 @@ pub const GROUP: u32 = 64;
 /// Workgroups of a row.
 const ROW: u32 = 1024;
 /// Farther than any grid is wide, voxels: ends that lie beyond are taken as this.
-const ENDLESS: f64 = 1e6;
+pub const ENDLESS: f64 = 1e6;
 
 /// `ListedRay` of `shaders/query.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -2,6 +2,7 @@
 
 use wgpu::{BindingResource, Buffer, RenderPipeline};
 
+use super::clip::ClipPlanes;
 use super::context::Context;
 use super::pages::cleared;
 use super::shader::module_of;
@@ -21,6 +22,8 @@ pub(super) struct ShadeInputs<'a> {
     pub view: &'a Buffer,
     /// Shares of sun and sky, two f32 a pixel; any buffer of 8 bytes where nothing casts shadows.
     pub reached: &'a Buffer,
+    /// What is cut away.
+    pub clip: &'a ClipPlanes,
     /// Light and marks.
     pub light: LightInputs<'a>,
 }
@@ -71,6 +74,7 @@ impl ShadePass {
             BindingResource::TextureView(&targets.normal.view),
             BindingResource::TextureView(&targets.colour.view),
             inputs.reached.as_entire_binding(),
+            inputs.clip.binding(),
             BindingResource::TextureView(&targets.glass_sum.view),
             BindingResource::TextureView(&targets.glass_through.view),
         ];

@@ -34,7 +34,7 @@ pub const MARKS: &str = include_str!("../../shaders/marks.wgsl");
 pub const LIGHT: &str = include_str!("../../shaders/light.wgsl");
 /// Transparent surfaces; after [`GEOMETRY`] and [`LIGHT`].
 pub const GLASS: &str = include_str!("../../shaders/glass.wgsl");
-/// The shading pass; after [`OCTAHEDRAL`], [`VIEW`] and [`LIGHT`].
+/// The shading pass; after [`OCTAHEDRAL`], [`VIEW`], [`CLIP`], [`LIGHT`] and [`MARKS`].
 pub const SHADE: &str = include_str!("../../shaders/shade.wgsl");
 
 /// Makes a module of several texts, one after the other.
@@ -49,7 +49,7 @@ pub fn module(context: &Context, label: &str, texts: &[&str]) -> wgpu::ShaderMod
 pub const PIPELINES: [(&str, &[&str]); 6] = [
     ("geometry", &[PAGE, OCTAHEDRAL, VIEW, CLIP, GEOMETRY]),
     ("glass", &[PAGE, OCTAHEDRAL, VIEW, CLIP, GEOMETRY, LIGHT, MARKS, GLASS]),
-    ("shade", &[OCTAHEDRAL, VIEW, LIGHT, MARKS, SHADE]),
+    ("shade", &[OCTAHEDRAL, VIEW, CLIP, LIGHT, MARKS, SHADE]),
     ("shadow", &[VIEW, CLIP, OCTAHEDRAL, DAG, SHADOW]),
     ("filter", &[VIEW, OCTAHEDRAL, FILTER]),
     ("query", &[DAG, OWNERS, QUERY]),

@@ -8,6 +8,7 @@ use wgpu::{BindingResource, Buffer, BufferUsages, ComputePipeline};
 use super::clip::ClipPlanes;
 use super::context::Context;
 use super::dag::GpuDag;
+use super::query::ENDLESS;
 use super::shader::compute_pipeline;
 use super::target::Targets;
 use super::timer::Recording;
@@ -19,6 +20,9 @@ const MOST_SAMPLES: u32 = 4096;
 
 /// Samples of a dispatch, at most: drivers give up what takes seconds, and a pixel has 32 bits for what is stopped.
 const MOST_AT_ONCE: u32 = 4;
+
+/// Where rays start above a surface, as on the CPU: see `render::shadow`.
+pub const HEIGHT: f64 = crate::render::HEIGHT;
 
 /// Side of a workgroup, pixels.
 pub const GROUP: u32 = 8;
@@ -183,7 +187,7 @@ impl ShadowPass {
             self.still = Some(still);
             self.samples = 0;
         }
-        let last = (self.samples + inputs.settings.samples.max(1)).min(MOST_SAMPLES);
+        let last = self.samples.saturating_add(inputs.settings.samples.max(1)).min(MOST_SAMPLES);
         let groups = (targets.size.0.div_ceil(GROUP), targets.size.1.div_ceil(GROUP));
         let seen = [
             BindingResource::TextureView(&targets.depth.view),
@@ -293,7 +297,7 @@ fn shadow_uniform(lights: &ShadowUniform, lighting: &Lighting, eye: DVec3, grid:
     // A camera so far away that its voxel is no i32 sees nothing in f32 either.
     let whole = eye.floor().clamp(DVec3::splat(-1e9), DVec3::splat(1e9));
     let reach = match lighting.sky {
-        Sky::Occluded { reach } => (reach / grid.voxel_size).min(1e6),
+        Sky::Occluded { reach } => (reach / grid.voxel_size).min(ENDLESS),
         Sky::None | Sky::Plain => 0.0,
     };
     ShadowUniform {

@@ -112,6 +112,18 @@ pub struct Imported {
     pub metres_per_unit: Option<f64>,
 }
 
+impl Imported {
+    /// Adds to the findings what the files do not say and nobody else did either, so that it is guessed.
+    pub fn note_guesses(&mut self, unit_is_given: bool, up_is_given: bool) {
+        let sources: Vec<String> = self.sources.iter().map(|source| source.name.clone()).collect();
+        let first = || sources.first().cloned().unwrap_or_default();
+        let no_unit = !unit_is_given && self.metres_per_unit.is_none();
+        let no_up = !up_is_given && self.up_axis.is_none();
+        self.findings.add("model without a unit: metres assumed (--unit)", u64::from(no_unit), first);
+        self.findings.add("model without an up axis: z assumed (--up)", u64::from(no_up), first);
+    }
+}
+
 /// Files read at the same time; enough for many cores, few enough for memory.
 const FILES_AT_ONCE: usize = 32;
 

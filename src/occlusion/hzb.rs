@@ -14,6 +14,7 @@ use super::boxes::Sight;
 use super::frame::{Workspace, answer};
 use super::scene::OcclusionScene;
 use crate::camera::CameraRays;
+use crate::filter::Filter;
 use crate::progress::Progress;
 use crate::visibility::QueryScene;
 use crate::visibility::culling::{CulledFrame, Culling, timed};
@@ -49,12 +50,12 @@ impl Hzb {
         Hzb { scene, settings, last: Vec::new(), workspace: Workspace::new() }
     }
 
-    /// The occluders of a first frame.
-    fn nearest_first(&self) -> Vec<bool> {
+    /// The occluders of a first frame; none that is looked through.
+    fn nearest_first(&self, filter: &Filter) -> Vec<bool> {
         let sights = &self.workspace.sights;
         let mut nearest: Vec<(f32, u32)> = (0..)
             .zip(sights)
-            .filter(|&(drawable, _)| self.scene.occludes(drawable))
+            .filter(|&(drawable, _)| self.scene.occludes(drawable) && !filter.is_seen_through(drawable))
             .filter_map(|(drawable, sight)| match sight {
                 Sight::Outside => None,
                 Sight::AtEye => Some((f32::INFINITY, drawable)),
@@ -107,7 +108,7 @@ impl Culling for Hzb {
             self.scene.sights(&view, filter, &mut self.workspace.sights);
             let in_frustum: Vec<bool> = self.workspace.sights.iter().map(|s| *s != Sight::Outside).collect();
             if self.last.is_empty() {
-                self.last = self.nearest_first();
+                self.last = self.nearest_first(filter);
             }
             let occluders = self.last.iter().zip(&in_frustum).map(|(&last, &is_in)| last && is_in).collect();
             self.last = in_frustum;

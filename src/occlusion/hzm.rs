@@ -22,6 +22,7 @@ use super::scene::OcclusionScene;
 use super::view::View;
 use crate::camera::CameraRays;
 use crate::exact::ExactScene;
+use crate::filter::Filter;
 use crate::progress::Progress;
 use crate::visibility::QueryScene;
 use crate::visibility::culling::{CulledFrame, Culling, timed};
@@ -100,10 +101,11 @@ impl Hzm {
         self.candidates.len()
     }
 
-    /// AOS: the candidates in the frustum that weigh most, heaviest first.
-    fn active_occluders(&self, view: &View) -> Vec<u32> {
+    /// AOS: the candidates in the frustum that weigh most, heaviest first; none that is looked through.
+    fn active_occluders(&self, view: &View, filter: &Filter) -> Vec<u32> {
         let in_frustum = |candidate: &&Candidate| {
-            self.workspace.sights.get(candidate.drawable as usize).is_some_and(|s| *s != Sight::Outside)
+            let sight = self.workspace.sights.get(candidate.drawable as usize);
+            sight.is_some_and(|s| *s != Sight::Outside) && !filter.is_seen_through(candidate.drawable)
         };
         let mut weights: Vec<(f64, u32)> = self
             .candidates
@@ -168,7 +170,7 @@ impl Culling for Hzm {
         let (width, height) = camera.size();
         let filter = scene.filter;
         timed(&mut stages, "frustum", || self.scene.sights(&view, filter, &mut self.workspace.sights));
-        let occluders = timed(&mut stages, "select", || self.active_occluders(&view));
+        let occluders = timed(&mut stages, "select", || self.active_occluders(&view, filter));
         if progress.is_cancelled() {
             return None;
         }

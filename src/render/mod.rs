@@ -22,6 +22,8 @@ use image::RgbImage;
 pub use film::{Film, FilmPixel, KINDS, LightKind, NOBODY, RayCount, id_colour};
 pub use light::{AreaLight, KeyLight, Lighting, SUN_ANGLE_DEG, Sky, Sun};
 pub use sampling::MAX_SAMPLES;
+#[cfg(feature = "gpu")]
+pub(crate) use shadow::HEIGHT;
 pub use shadow::Shadows;
 
 use crate::camera::CameraRays;

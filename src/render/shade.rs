@@ -14,7 +14,6 @@ use super::sampling::{Purpose, numbers};
 use super::shadow::{ShadowRay, ShadowScratch, ShadowTracer};
 use super::{RenderScene, RenderSettings, ShadowCost, Shadows};
 use crate::camera::CameraRays;
-use crate::filter::SEEN_THROUGH_ALPHA;
 use crate::model::{Colour, linear_from_srgb};
 use crate::ray::Ray;
 use crate::visibility::{TileHits, TileTracer};
@@ -237,9 +236,7 @@ impl<'a> Shader<'a> {
             let mut left = 1.0;
             for &(t, drawable) in &layers {
                 let Colour([.., alpha]) = self.scene.colours[drawable as usize];
-                let is_seen_through = self.scene.query.filter.is_seen_through(drawable);
-                let alpha = if is_seen_through { alpha.min(SEEN_THROUGH_ALPHA) } else { alpha };
-                let alpha = f64::from(alpha) / 255.0;
+                let alpha = f64::from(self.scene.query.filter.alpha_of(drawable, alpha)) / 255.0;
                 surfaces.extend(self.surface(ray, drawable, t, left * alpha, *look));
                 left *= 1.0 - alpha;
             }

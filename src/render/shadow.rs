@@ -39,6 +39,10 @@ use crate::exact::TriangleRays;
 use crate::ray::{Ray, spacing_of};
 use crate::visibility::{Asked, QueryScene, VOXELS_BETWEEN_RAYS, grid_ray};
 
+/// Times the sum of a normal's components, the height in voxels above a plane at which all its voxels are left behind: a voxel, and
+/// what the overlap test widens it by on both sides.
+pub(crate) const HEIGHT: f64 = 1.0 + 2.0 / 256.0;
+
 /// Height above its surface at which a shadow ray against triangles starts, in largest sides of the scene.
 const EXACT_HEIGHT: f64 = 1e-7;
 
@@ -155,7 +159,7 @@ impl<'a> ShadowTracer<'a> {
 
     /// Height above a plane at which all its voxels are left behind; 0 where there is no plane.
     fn voxel_height(&self, normal: DVec3) -> f64 {
-        normal.abs().element_sum() * (1.0 + 2.0 / 256.0) * self.scene.grid.voxel_size
+        normal.abs().element_sum() * HEIGHT * self.scene.grid.voxel_size
     }
 
     /// The ray for voxels: started above those of its own surface. `None` when nothing is left of it.

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
-use super::navigate::Mode;
+use super::navigate::{Mode, Side};
 use crate::camera::Camera;
 
 /// An axis of the world.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AxisName {
     /// The first.
@@ -43,41 +43,8 @@ impl AxisName {
     }
 }
 
-/// A side to look from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SideName {
-    /// From the front.
-    Front,
-    /// From behind.
-    Back,
-    /// From the left.
-    Left,
-    /// From the right.
-    Right,
-    /// From above.
-    Top,
-    /// From below.
-    Bottom,
-    /// From a corner above.
-    Isometric,
-}
-
-impl SideName {
-    /// All of them, with what they are called.
-    pub const ALL: [(SideName, &'static str); 7] = [
-        (SideName::Front, "Front"),
-        (SideName::Back, "Back"),
-        (SideName::Left, "Left"),
-        (SideName::Right, "Right"),
-        (SideName::Top, "Top"),
-        (SideName::Bottom, "Bottom"),
-        (SideName::Isometric, "Isometric"),
-    ];
-}
-
 /// What a user can ask for. In a script, `{"do":"hide"}`, `{"do":"search","text":"pump"}`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Action {
     /// Search the tree; an empty text ends it.
@@ -115,10 +82,10 @@ pub enum Action {
     ZoomToSelection,
     /// Bring everything into view.
     ZoomAll,
-    /// A standard view.
+    /// A standard view, or from an edge or a corner.
     LookFrom {
         /// From where.
-        side: SideName,
+        side: Side,
     },
     /// Parallel projection, or perspective.
     Parallel {
@@ -153,12 +120,17 @@ pub enum Action {
         /// By this, model units.
         by: [f64; 3],
     },
-    /// Turn what is selected about the middle of its box.
+    /// Turn what is selected about the mean of its parts' middles.
     Rotate {
         /// About this axis.
         axis: AxisName,
         /// By this.
         degrees: f64,
+    },
+    /// Handles to move and turn what is selected by.
+    MoveTool {
+        /// Show them.
+        on: bool,
     },
     /// Move what is selected back.
     MoveBack,
@@ -171,6 +143,13 @@ pub enum Action {
     GoToBookmark {
         /// Its name.
         name: String,
+    },
+    /// Call it otherwise.
+    RenameBookmark {
+        /// Its name.
+        name: String,
+        /// Its new one.
+        to: String,
     },
     /// Forget it.
     RemoveBookmark {
@@ -188,6 +167,40 @@ pub enum Action {
     Stop,
     /// Add this camera to the route, two seconds after its end.
     AddKeyframe,
+    /// See what a keyframe of the route sees.
+    GoToKeyframe {
+        /// From 0.
+        index: usize,
+    },
+    /// Give a keyframe this camera.
+    SetKeyframe {
+        /// From 0.
+        index: usize,
+    },
+    /// Give a keyframe another time.
+    MoveKeyframe {
+        /// From 0.
+        index: usize,
+        /// As the route counts.
+        seconds: f64,
+    },
+    /// Jump to a keyframe, or fly to it.
+    CutKeyframe {
+        /// From 0.
+        index: usize,
+        /// Jump.
+        on: bool,
+    },
+    /// Take a keyframe out of the route.
+    RemoveKeyframe {
+        /// From 0.
+        index: usize,
+    },
+    /// Frames a second of the route in its file.
+    RouteFps {
+        /// So many.
+        fps: f64,
+    },
     /// Turn the route about.
     ReverseRoute,
     /// Play the route faster, or slower.
@@ -217,10 +230,20 @@ pub enum Action {
         /// Do.
         on: bool,
     },
+    /// Draw what a section cuts open as solid.
+    Caps {
+        /// Do.
+        on: bool,
+    },
     /// Go on drawing what is drawn now: shows what is culled.
     Freeze {
         /// Do.
         on: bool,
+    },
+    /// Open another scene, or a model, instead of this one.
+    Open {
+        /// It.
+        file: PathBuf,
     },
     /// Compare the picture with what rays through all triangles see.
     CheckLost,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use eframe::egui_wgpu::{RenderState, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
@@ -12,10 +13,10 @@ use super::action::Action;
 use super::load::{LoadStatus, Loading, Opened};
 use super::navigate::{Mode, Motion};
 use super::panels;
-use super::preferences::{Preferences, WindowLook};
+use super::preferences::{Loaded, Preferences, WindowLook};
 use super::script::{Script, ScriptRun};
 use super::session::Session;
-use super::viewport::{Purpose, Viewport};
+use super::viewport::{Purpose, Viewport, cube_side};
 use crate::gpu::context::{Context, ContextSettings, device_descriptor};
 
 /// Points that a wheel turns for a step of zoom.
@@ -34,6 +35,24 @@ pub struct ViewerOptions {
     pub adapter: Option<String>,
     /// Width and height of the window at first, points.
     pub size: (u32, u32),
+    /// Ctrl-C.
+    pub interrupt: Arc<Interrupt>,
+}
+
+/// What who watches for Ctrl-C and the window tell each other.
+#[derive(Debug, Default)]
+pub struct Interrupt {
+    is_asked: AtomicBool,
+    is_making: AtomicBool,
+}
+
+impl Interrupt {
+    /// The window is to be closed. Is a scene being made meanwhile? It is stopped then, and what is half-written removed; else the
+    /// program may end at once.
+    pub fn ask(&self) -> bool {
+        self.is_asked.store(true, Ordering::Relaxed);
+        self.is_making.load(Ordering::Relaxed)
+    }
 }
 
 /// Why there is no window, or why it has closed.
@@ -56,7 +75,7 @@ pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
     let outcome = Arc::new(std::sync::Mutex::new(None));
     let told = Arc::clone(&outcome);
     let size = [options.size.0 as f32, options.size.1 as f32];
-    let title = format!("Voxsight - {}", options.path.display());
+    let title = title(&options.path);
     let native = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default().with_inner_size(size).with_title(title),
         wgpu_options: WgpuConfiguration { wgpu_setup: setup(options.adapter.clone()), ..Default::default() },
@@ -68,6 +87,16 @@ pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
     eframe::run_native("voxsight", native, Box::new(make))?;
     let failed = outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
     failed.map_or(Ok(()), |text| Err(ViewerError::Script(text)))
+}
+
+/// Of the window.
+fn title(path: &Path) -> String {
+    format!("Voxsight - {}", path.display())
+}
+
+/// A file that was dropped on the window.
+fn dropped_file(egui: &egui::Context) -> Option<PathBuf> {
+    egui.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()))
 }
 
 /// The device that the window and the scene share.
@@ -120,6 +149,8 @@ struct App {
     outcome: Arc<std::sync::Mutex<Option<String>>>,
     frame_began: Instant,
     notes: Vec<String>,
+    keeps_preferences: bool,
+    interrupt: Arc<Interrupt>,
 }
 
 impl App {
@@ -140,7 +171,8 @@ impl App {
             *outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner) =
                 Some("the window was closed before the script was done".to_owned());
         }
-        let loaded = Preferences::load();
+        // What a script sees must not hang on who runs it.
+        let loaded = if options.script.is_some() { Loaded::default() } else { Preferences::load() };
         let look = match loaded.preferences.look {
             WindowLook::Dark => egui::Theme::Dark,
             WindowLook::Light => egui::Theme::Light,
@@ -155,6 +187,8 @@ impl App {
             preferences: loaded.preferences,
             window,
             context,
+            keeps_preferences: options.script.is_none(),
+            interrupt: options.interrupt,
             script: options.script.map(ScriptRun::new),
             outcome,
             frame_began: Instant::now(),
@@ -211,7 +245,11 @@ impl eframe::App for App {
         let passed = self.frame_began.elapsed().min(LONGEST_FRAME);
         self.frame_began = Instant::now();
         self.follow_loading(&egui);
-        let mut begin_again = None;
+        self.interrupt.is_making.store(matches!(self.stage, Stage::Loading(_)), Ordering::Relaxed);
+        if self.interrupt.is_asked.load(Ordering::Relaxed) {
+            egui.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+        let mut begin_again = dropped_file(&egui);
         match &mut self.stage {
             Stage::Loading(loading) => {
                 if loading_screen(ui, &loading.status(), loading.path()) {
@@ -219,19 +257,28 @@ impl eframe::App for App {
                 }
             }
             Stage::Failed { path, told } => {
-                if failed_screen(ui, path, told) {
-                    begin_again = Some(path.clone());
+                if let Some(chosen) = failed_screen(ui, path, told, &mut self.preferences) {
+                    begin_again = Some(chosen);
                 }
             }
             Stage::Open(open) => {
-                if let Err(error) = open.ui(ui, passed, &self.window) {
+                let outcome = open.ui(ui, passed, &self.window);
+                begin_again = begin_again.or(open.session.wanted_file.take());
+                if let Err(error) = outcome {
                     let path = open.session.path().to_owned();
                     self.preferences = open.session.preferences.clone();
                     self.stage = Stage::Failed { path, told: error };
+                } else if std::mem::take(&mut open.session.is_memory_changed) {
+                    open.resize_memory(&self.context);
                 }
             }
         }
         if let Some(path) = begin_again {
+            if let Stage::Open(open) = &mut self.stage {
+                open.session.save_wanted(None);
+                self.preferences = open.session.preferences.clone();
+            }
+            egui.send_viewport_cmd(egui::ViewportCommand::Title(title(&path)));
             self.stage = begin(&path, &egui);
         }
         self.run_script(&egui);
@@ -243,7 +290,9 @@ impl eframe::App for App {
             open.session.save_wanted(None);
             self.preferences = open.session.preferences.clone();
         }
-        if let Err(error) = self.preferences.save() {
+        if self.keeps_preferences
+            && let Err(error) = self.preferences.save()
+        {
             eprintln!("{error}");
         }
     }
@@ -296,9 +345,9 @@ fn loading_screen(ui: &mut Ui, status: &LoadStatus, path: &Path) -> bool {
     is_cancelled
 }
 
-/// What went wrong. Is it to be tried again?
-fn failed_screen(ui: &mut Ui, path: &Path, told: &str) -> bool {
-    let mut again = false;
+/// What went wrong. What is to be opened now?
+fn failed_screen(ui: &mut Ui, path: &Path, told: &str, preferences: &mut Preferences) -> Option<PathBuf> {
+    let mut chosen = None;
     CentralPanel::default().show(ui, |ui| {
         ui.add_space(0.3 * ui.available_height());
         ui.vertical_centered(|ui| {
@@ -306,13 +355,29 @@ fn failed_screen(ui: &mut Ui, path: &Path, told: &str) -> bool {
             ui.label(path.display().to_string());
             ui.colored_label(Color32::LIGHT_RED, told);
             ui.label("`voxsight verify` checks a scene, `voxsight build` makes one of a model.");
-            again = ui.button("Try again").clicked();
+            if ui.button("Try again").clicked() {
+                chosen = Some(path.to_owned());
+            }
+            ui.add_space(20.0);
+            ui.label("Or open another: drop a file on this window, or choose");
+            chosen = chosen.take().or(panels::recent(ui, preferences));
         });
     });
-    again
+    chosen
 }
 
 impl Open {
+    /// Begins with another amount of memory for geometry; with as much as before where the adapter has no more.
+    fn resize_memory(&mut self, context: &Context) {
+        match Viewport::new(context, &self.session) {
+            Ok(viewport) => self.viewport = viewport,
+            Err(error) => {
+                self.session.tell(error.to_string());
+                self.session.preferences.geometry_bytes = self.viewport.figures.budget;
+            }
+        }
+    }
+
     /// All of the window. What the GPU could not do is an error.
     fn ui(&mut self, ui: &mut Ui, passed: Duration, window: &RenderState) -> Result<(), String> {
         let Open { session, viewport, had_focus, was_moving } = self;
@@ -370,11 +435,33 @@ fn picture(
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
         ui.painter().image(texture, area, whole, Color32::WHITE);
     }
-    viewport.overlay(session, &ui.painter_at(area), area);
+    let pointer = response.hover_pos().or(response.interact_pointer_pos());
+    viewport.overlay(session, &ui.painter_at(area), area, pointer);
+    if let Some((from, to)) = rectangle(ui, &response) {
+        let drawn = Rect::from_two_pos(from, to);
+        let fill = Color32::from_rgba_unmultiplied(120, 170, 255, 40);
+        ui.painter().rect(
+            drawn,
+            0.0,
+            fill,
+            egui::Stroke::new(1.0, Color32::LIGHT_BLUE),
+            egui::StrokeKind::Inside,
+        );
+    }
     if is_moving || has_more {
         ui.ctx().request_repaint();
     }
     Ok(is_moving || has_more)
+}
+
+/// The corners of a rectangle that is dragged with the command key, in which is selected.
+fn rectangle(ui: &Ui, response: &egui::Response) -> Option<(egui::Pos2, egui::Pos2)> {
+    let (origin, now, command) = ui
+        .input(|input| (input.pointer.press_origin(), input.pointer.interact_pos(), input.modifiers.command));
+    let is_dragged =
+        response.dragged_by(PointerButton::Primary) || response.drag_stopped_by(PointerButton::Primary);
+    let (from, to) = origin.zip(now)?;
+    (is_dragged && command).then_some((from, to))
 }
 
 fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &mut Viewport, scale: f32) {
@@ -382,33 +469,37 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
         let at = (point - response.rect.min) * scale;
         DVec2::new(at.x.into(), at.y.into())
     };
-    let cursor = response.interact_pointer_pos().or(response.hover_pos()).map(place);
+    let pointer = response.interact_pointer_pos().or(response.hover_pos());
+    let cursor = pointer.map(place);
     let modifiers = ui.input(|input| input.modifiers);
+    if let Some(pointer) = pointer
+        && response.clicked()
+        && let Some(side) = cube_side(&session.navigator, response.rect, pointer)
+    {
+        session.act_or_tell(&Action::LookFrom { side });
+        return;
+    }
     if let Some(cursor) = cursor {
-        if response.double_clicked() {
-            session.act_or_tell(&Action::ZoomToSelection);
-        } else if response.clicked() {
-            let purpose = if session.measuring.is_on {
-                Purpose::Measure
-            } else {
-                Purpose::Select { add: modifiers.command }
-            };
-            viewport.pick(session, cursor, purpose);
-        }
-        if response.drag_started_by(PointerButton::Primary)
-            && let Some((ray, Some(distance))) = viewport.point_under(session, cursor)
+        clicks(response, session, viewport, cursor, modifiers.command);
+        if response.drag_started()
+            && let Some((ray, Some(distance))) = viewport.point_under(cursor)
         {
             session.navigator.set_pivot(ray.at(distance));
         }
-        let wheel = ui.input(|input| input.smooth_scroll_delta().y);
-        if response.hovered()
-            && wheel != 0.0
-            && let Some((ray, distance)) = viewport.point_under(session, cursor)
-        {
-            let steps = f64::from(wheel / POINTS_PER_STEP) * session.preferences.mouse_speed;
-            session.playing = None;
-            session.navigator.zoom(steps, &ray, distance);
+        wheel(ui, response, session, viewport, cursor);
+    }
+    if drag_handle(ui, response, session, &place) {
+        return;
+    }
+    if let Some((from, to)) = rectangle(ui, response) {
+        if response.drag_stopped() {
+            let (from, to) = (place(from), place(to));
+            let purpose = Purpose::Rectangle { to, add: modifiers.shift };
+            if let Err(told) = viewport.pick(from, purpose) {
+                session.tell(told);
+            }
         }
+        return;
     }
     let delta = response.drag_delta() * scale;
     let delta = DVec2::new(delta.x.into(), delta.y.into()) * session.preferences.mouse_speed;
@@ -427,6 +518,67 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
     }
 }
 
+fn clicks(
+    response: &egui::Response,
+    session: &mut Session,
+    viewport: &mut Viewport,
+    at: DVec2,
+    command: bool,
+) {
+    let purpose = if session.measuring.is_on {
+        Purpose::Measure
+    } else if response.double_clicked() {
+        Purpose::Zoom
+    } else {
+        Purpose::Select { add: command }
+    };
+    // A double click is a click, too.
+    if response.clicked()
+        && let Err(told) = viewport.pick(at, purpose)
+    {
+        session.tell(told);
+    }
+}
+
+fn wheel(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &Viewport, cursor: DVec2) {
+    let wheel = ui.input(|input| input.smooth_scroll_delta().y);
+    if response.hovered()
+        && wheel != 0.0
+        && let Some((ray, distance)) = viewport.point_under(cursor)
+    {
+        let steps = f64::from(wheel / POINTS_PER_STEP) * session.preferences.mouse_speed;
+        session.playing = None;
+        session.navigator.zoom(steps, &ray, distance);
+    }
+}
+
+/// Takes, drags or lets go a handle. Is one in hand?
+fn drag_handle(
+    ui: &Ui,
+    response: &egui::Response,
+    session: &mut Session,
+    place: &dyn Fn(egui::Pos2) -> DVec2,
+) -> bool {
+    let Ok(rays) = session.camera().rays() else { return false };
+    // Where the button went down: a drag begins some points later.
+    let origin = ui.input(|input| input.pointer.press_origin());
+    if response.drag_started_by(PointerButton::Primary)
+        && let Some(origin) = origin
+    {
+        session.begin_drag(&rays, place(origin));
+    }
+    if session.dragging.is_none() {
+        return false;
+    }
+    if let Some(at) = response.interact_pointer_pos() {
+        session.drag_to(&rays, place(at));
+    }
+    if !response.dragged_by(PointerButton::Primary) {
+        session.end_drag();
+    }
+    true
+}
+
 /// Keys: shortcuts, and motion.
 fn keys(ui: &Ui, session: &mut Session) -> Motion {
     let pressed = |key| ui.input(|input| input.key_pressed(key) && !input.modifiers.command);
@@ -441,6 +593,7 @@ fn keys(ui: &Ui, session: &mut Session) -> Motion {
         (pressed(Key::I), Action::Isolate),
         (pressed(Key::X), Action::Xray),
         (pressed(Key::M), Action::Measure { on: !session.measuring.is_on }),
+        (pressed(Key::G), Action::MoveTool { on: !session.moves_parts }),
         (pressed(Key::Escape) && session.playing.is_some(), Action::Stop),
         (pressed(Key::Escape) && session.playing.is_none(), Action::ClearSelection),
         (command(Key::Z, false), Action::Undo),

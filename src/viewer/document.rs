@@ -1,14 +1,15 @@
 //! An opened scene and what a user has done with it. Every change can be undone.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DAffine3, DVec3};
 
 use crate::camera::Plane;
 use crate::filter::Filter;
 use crate::loaded::LoadedScene;
-use crate::moved::{Motions, Moved};
+use crate::moved::Motions;
+use crate::shown::Shown;
 
 /// Changes that can be undone, at most.
 const MOST_UNDONE: usize = 200;
@@ -84,11 +85,11 @@ pub struct Section {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// Objects that are not shown.
-    pub hidden: ObjectSet,
+    pub hidden: Arc<ObjectSet>,
     /// Objects that are looked through.
-    pub seen_through: ObjectSet,
+    pub seen_through: Arc<ObjectSet>,
     /// What each moved object has moved by, in the world.
-    pub motions: Motions,
+    pub motions: Arc<Motions>,
     /// What is cut away.
     pub sections: Vec<Section>,
 }
@@ -112,12 +113,14 @@ pub struct Document {
     scene: Arc<LoadedScene>,
     state: Arc<State>,
     selected: ObjectSet,
-    /// Another number for another state or selection.
+    /// Another number for another state.
     version: u64,
     undo: Vec<Undo>,
     redo: Vec<Undo>,
     /// The last change may go on: it is one gesture.
     is_open: bool,
+    /// Of this state; made when it is first asked for.
+    shown: OnceLock<Arc<Shown>>,
 }
 
 impl Document {
@@ -131,6 +134,7 @@ impl Document {
             undo: Vec::new(),
             redo: Vec::new(),
             is_open: false,
+            shown: OnceLock::new(),
         }
     }
 
@@ -163,13 +167,20 @@ impl Document {
         if state == *self.state {
             return;
         }
-        self.undo.push((name.to_owned(), std::mem::replace(&mut self.state, Arc::new(state))));
+        let before = self.replace(Arc::new(state));
+        self.undo.push((name.to_owned(), before));
         if self.undo.len() > MOST_UNDONE {
             self.undo.remove(0);
         }
         self.redo.clear();
-        self.version += 1;
         self.is_open = false;
+    }
+
+    /// Takes over another state; the one before.
+    fn replace(&mut self, state: Arc<State>) -> Arc<State> {
+        self.version += 1;
+        self.shown = OnceLock::new();
+        std::mem::replace(&mut self.state, state)
     }
 
     /// As [`Document::change`], but one with the last change if that was made so by the same name and nothing came between: what a drag
@@ -180,6 +191,10 @@ impl Document {
         self.change(name, change);
         if goes_on && self.undo.len() > count {
             self.undo.pop();
+            // Back where it began, it has changed nothing.
+            if self.undo.last().is_some_and(|(_, before)| *before == self.state) {
+                self.undo.pop();
+            }
         }
         self.is_open = true;
     }
@@ -193,8 +208,8 @@ impl Document {
     pub fn undo(&mut self) -> Option<String> {
         let (name, before) = self.undo.pop()?;
         self.is_open = false;
-        self.redo.push((name.clone(), std::mem::replace(&mut self.state, before)));
-        self.version += 1;
+        let after = self.replace(before);
+        self.redo.push((name.clone(), after));
         Some(name)
     }
 
@@ -202,8 +217,8 @@ impl Document {
     pub fn redo(&mut self) -> Option<String> {
         let (name, after) = self.redo.pop()?;
         self.is_open = false;
-        self.undo.push((name.clone(), std::mem::replace(&mut self.state, after)));
-        self.version += 1;
+        let before = self.replace(after);
+        self.undo.push((name.clone(), before));
         Some(name)
     }
 
@@ -223,14 +238,16 @@ impl Document {
     /// Hides objects, or shows them.
     pub fn set_hidden(&mut self, objects: impl IntoIterator<Item = u32>, is_hidden: bool) {
         self.change(if is_hidden { "Hide" } else { "Show" }, |state| {
-            objects.into_iter().for_each(|object| state.hidden.set(object, is_hidden));
+            let hidden = Arc::make_mut(&mut state.hidden);
+            objects.into_iter().for_each(|object| hidden.set(object, is_hidden));
         });
     }
 
     /// Looks through objects (x-ray), or does not any more.
     pub fn set_seen_through(&mut self, objects: impl IntoIterator<Item = u32>, is_seen_through: bool) {
         self.change(if is_seen_through { "X-ray" } else { "Opaque" }, |state| {
-            objects.into_iter().for_each(|object| state.seen_through.set(object, is_seen_through));
+            let seen_through = Arc::make_mut(&mut state.seen_through);
+            objects.into_iter().for_each(|object| seen_through.set(object, is_seen_through));
         });
     }
 
@@ -238,25 +255,44 @@ impl Document {
     pub fn isolate(&mut self, objects: impl IntoIterator<Item = u32>) {
         let count = self.scene.scene().objects().len() as u32;
         self.change("Isolate", |state| {
-            (0..count).for_each(|object| state.hidden.set(object, true));
-            objects.into_iter().for_each(|object| state.hidden.set(object, false));
+            let mut hidden = ObjectSet::default();
+            (0..count).for_each(|object| hidden.set(object, true));
+            objects.into_iter().for_each(|object| hidden.set(object, false));
+            state.hidden = Arc::new(hidden);
         });
     }
 
     /// Shows everything, and looks through nothing.
     pub fn show_all(&mut self) {
         self.change("Show all", |state| {
-            state.hidden.clear();
-            state.seen_through.clear();
+            state.hidden = Arc::default();
+            state.seen_through = Arc::default();
         });
     }
 
     /// Moves objects in the world, after what they have moved by before.
     pub fn move_by(&mut self, name: &str, objects: &ObjectSet, motion: DAffine3) {
         self.change(name, |state| {
+            let motions = Arc::make_mut(&mut state.motions);
             for object in objects.iter() {
-                let before = state.motions.get(&object).copied().unwrap_or(DAffine3::IDENTITY);
-                state.motions.insert(object, motion * before);
+                let before = motions.get(&object).copied().unwrap_or(DAffine3::IDENTITY);
+                motions.insert(object, motion * before);
+            }
+        });
+    }
+
+    /// As [`Document::move_by`], from where `before` has them, and one with the last change where that is of the same name: for what
+    /// is dragged.
+    pub fn drag_by(&mut self, name: &str, objects: &ObjectSet, before: &Motions, motion: DAffine3) {
+        self.change_on(name, |state| {
+            let motions = Arc::make_mut(&mut state.motions);
+            for object in objects.iter() {
+                let before = before.get(&object).copied();
+                if before.is_none() && motion == DAffine3::IDENTITY {
+                    motions.remove(&object);
+                } else {
+                    motions.insert(object, motion * before.unwrap_or(DAffine3::IDENTITY));
+                }
             }
         });
     }
@@ -264,7 +300,7 @@ impl Document {
     /// Moves objects back to where the file has them.
     pub fn move_back(&mut self, objects: &ObjectSet) {
         self.change("Move back", |state| {
-            state.motions.retain(|object, _| !objects.has(*object));
+            Arc::make_mut(&mut state.motions).retain(|object, _| !objects.has(*object));
         });
     }
 
@@ -273,6 +309,11 @@ impl Document {
     /// Selects these objects alone.
     pub fn select(&mut self, objects: impl IntoIterator<Item = u32>) {
         self.selected.clear();
+        self.add(objects);
+    }
+
+    /// Adds objects to the selection.
+    pub fn add(&mut self, objects: impl IntoIterator<Item = u32>) {
         objects.into_iter().for_each(|object| self.selected.set(object, true));
     }
 
@@ -299,8 +340,12 @@ impl Document {
         self.state.sections.iter().filter(|section| section.is_on).map(|section| section.plane)
     }
 
-    /// What queries and pictures leave out and look through, and what is elsewhere.
-    pub fn changes(&self) -> (Filter, Option<Arc<Moved>>) {
+    /// The scene as it is shown.
+    pub fn shown(&self) -> Arc<Shown> {
+        Arc::clone(self.shown.get_or_init(|| Arc::new(self.show())))
+    }
+
+    fn show(&self) -> Shown {
         let scene = self.scene.scene();
         let mut filter = Filter::default();
         self.planes().for_each(|plane| filter.clip_by(plane));
@@ -310,9 +355,7 @@ impl Document {
         for object in self.state.seen_through.iter() {
             scene.object_drawables(object).for_each(|drawable| filter.set_seen_through(drawable, true));
         }
-        let motions = &self.state.motions;
-        let moved = (!motions.is_empty()).then(|| Arc::new(Moved::new(&self.scene, motions, &filter)));
-        (filter, moved)
+        Shown::new(Arc::clone(&self.scene), filter, &self.state.motions)
     }
 
     /// World-space box of objects, where they are now; `None` of none.

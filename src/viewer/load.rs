@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::SystemTime;
 
 use crate::container::{ContainerError, Source};
@@ -93,11 +94,12 @@ pub struct Opened {
     pub remarks: Vec<String>,
 }
 
-/// Loading under way. Dropped, it is cancelled.
+/// Loading under way. Dropped, it is cancelled, and waited for: it leaves nothing half-written.
 pub struct Loading {
     shared: Arc<Shared>,
     opened: Receiver<Result<Opened, OpenError>>,
     path: PathBuf,
+    thread: Option<JoinHandle<()>>,
 }
 
 impl Loading {
@@ -110,12 +112,12 @@ impl Loading {
         let shared = Arc::new(Shared::default());
         let (tell, opened) = channel();
         let (progress, file) = (Arc::clone(&shared), path.clone());
-        std::thread::Builder::new().name("load".into()).spawn(move || {
+        let thread = std::thread::Builder::new().name("load".into()).spawn(move || {
             // Nobody waits any more: it was cancelled.
             let _ = tell.send(open(&file, &*progress));
             told();
         })?;
-        Ok(Loading { shared, opened, path })
+        Ok(Loading { shared, opened, path, thread: Some(thread) })
     }
 
     /// What is loaded.
@@ -147,6 +149,10 @@ impl Loading {
 impl Drop for Loading {
     fn drop(&mut self) {
         self.cancel();
+        if let Some(thread) = self.thread.take() {
+            // It has panicked, which it has told already.
+            let _ = thread.join();
+        }
     }
 }
 
@@ -160,35 +166,35 @@ pub fn open(path: &Path, progress: &dyn Progress) -> Result<Opened, OpenError> {
         let scene = Arc::new(LoadedScene::new(Scene::open(path)?, progress)?);
         return Ok(Opened { scene, path: path.to_owned(), remarks: Vec::new() });
     }
-    let cache = cache_of(path);
-    let mut remarks = Vec::new();
-    if !is_fresh(path, &cache)? {
-        remarks = make(path, &cache, progress)?;
-    }
-    let scene = match Scene::open(&cache) {
-        Ok(scene) if !remarks.is_empty() || is_of(&scene, path) => scene,
-        Ok(_) => {
-            remarks = make(path, &cache, progress)?;
-            Scene::open(&cache)?
+    let cache = cache_of(path)?;
+    let kept = if is_fresh(path, &cache)? { Scene::open(&cache).ok() } else { None };
+    // One of another version, or damaged, is only a copy.
+    let (scene, remarks) = match kept.filter(|scene| is_of(scene, path)) {
+        Some(scene) => (scene, Vec::new()),
+        None => {
+            let remarks = make(path, &cache, progress)?;
+            (Scene::open(&cache)?, remarks)
         }
-        // Of another version, or damaged: it is only a copy.
-        Err(_) if remarks.is_empty() => {
-            remarks = make(path, &cache, progress)?;
-            Scene::open(&cache)?
-        }
-        Err(error) => return Err(error.into()),
     };
     Ok(Opened { scene: Arc::new(LoadedScene::new(scene, progress)?), path: cache, remarks })
 }
 
-/// Where the scene of a model is kept: `pump.glb` has `pump.glb.vxs` beside it.
-pub fn cache_of(model: &Path) -> PathBuf {
-    let mut name = model.file_name().unwrap_or_default().to_owned();
-    name.push(".vxs");
-    model.with_file_name(name)
+/// Where the scene of a model is kept: `pump.glb` has `pump.glb.view.vxs` beside it, the folder `plant` has `plant.view.vxs`. Nobody
+/// names a scene of their own so: what stands there is replaced when it is not of the model any more.
+///
+/// # Errors
+///
+/// There is no such model.
+pub fn cache_of(model: &Path) -> Result<PathBuf, OpenError> {
+    // `.` and `..` have names, too.
+    let whole = model.canonicalize().map_err(|source| OpenError::File { path: model.to_owned(), source })?;
+    let mut name = whole.file_name().unwrap_or_default().to_owned();
+    name.push(".view.vxs");
+    let is_named = model.file_name() == whole.file_name();
+    Ok(if is_named { model.with_file_name(name) } else { whole.with_file_name(name) })
 }
 
-/// Is the kept scene newer than its model: than the file, and the buffers and materials beside it, or all files of a folder?
+/// Is the kept scene newer than its model: than the file, and the buffers and materials beside it, or all of a folder?
 fn is_fresh(model: &Path, cache: &Path) -> Result<bool, OpenError> {
     let file = |source| OpenError::File { path: model.to_owned(), source };
     let newest = newest_of(model).map_err(file)?;
@@ -196,23 +202,19 @@ fn is_fresh(model: &Path, cache: &Path) -> Result<bool, OpenError> {
     Ok(kept > newest)
 }
 
-/// Is a kept scene of this model, as long as it is now? Copies and archives keep the times of files.
+/// Is a kept scene of this model, as long as its files are now? Copies and archives keep the times of files.
 fn is_of(scene: &Scene, model: &Path) -> bool {
-    let length =
-        |path: &Path| std::fs::metadata(path).ok().filter(|meta| meta.is_file()).map(|meta| meta.len());
+    let is_folder = model.is_dir();
     let sources = &scene.meta().sources;
-    match (sources.as_slice(), length(model)) {
-        // One file, and what it refers to is counted with it: it cannot be longer than both.
-        ([only], Some(length)) => {
-            length <= only.bytes && (model.extension() != Some(OsStr::new("glb")) || length == only.bytes)
-        }
-        (several, None) => several
-            .iter()
-            .all(|source| length(&model.join(&source.name)).is_none_or(|length| length <= source.bytes)),
-        (_, Some(_)) => false,
-    }
+    // A folder's files have paths in it. What a file refers to is counted with it.
+    let is_there = |source: &Source| {
+        let file = if is_folder { model.join(&source.name) } else { model.to_owned() };
+        std::fs::metadata(file).is_ok_and(|meta| meta.is_file() && meta.len() <= source.bytes)
+    };
+    !sources.is_empty() && (is_folder || sources.len() == 1) && sources.iter().all(is_there)
 }
 
+/// When a model was last changed; a folder also when something was put into it or taken out.
 fn newest_of(model: &Path) -> std::io::Result<SystemTime> {
     let meta = std::fs::metadata(model)?;
     let mut newest = meta.modified()?;
@@ -236,7 +238,8 @@ fn newest_of(model: &Path) -> std::io::Result<SystemTime> {
 
 /// Makes a scene of a model. Tells what was repaired.
 fn make(model: &Path, cache: &Path, progress: &dyn Progress) -> Result<Vec<String>, OpenError> {
-    let imported = import(&[model.to_owned()], &ImportOptions::default(), progress)?;
+    let mut imported = import(&[model.to_owned()], &ImportOptions::default(), progress)?;
+    imported.note_guesses(false, false);
     let settings = BuildSettings::of(&imported);
     let sources = imported.sources.iter().map(|source| Source {
         name: source.name.clone(),

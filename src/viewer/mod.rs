@@ -5,7 +5,7 @@
 //! [`load`] opens a scene, or makes one of a model, on a thread of its own. [`document`] is the opened scene and what a user has done
 //! with it: what is hidden, looked through, moved, cut, selected; every change can be undone. [`tree`] lists the assembly's rows,
 //! [`search`] finds nodes as one types. [`navigate`] moves the camera; [`pick`] finds what is under the cursor, [`measure`] measures
-//! it (both project with `screen`). [`bookmarks`], [`route`] and [`preferences`] are what is kept on disk.
+//! it, [`handles`] drag it, the [`cube`] shows and chooses where one looks from (all project with `screen`). [`bookmarks`], [`route`] and [`preferences`] are what is kept on disk.
 //!
 //! A [`session`] is all of that for one scene; an [`action`] is what a user, a button or a line of a script can ask of it. None of
 //! these knows a window.
@@ -16,7 +16,9 @@
 pub mod action;
 pub mod app;
 pub mod bookmarks;
+pub mod cube;
 pub mod document;
+pub mod handles;
 pub mod load;
 pub mod measure;
 pub mod navigate;
@@ -31,4 +33,4 @@ pub mod session;
 pub mod tree;
 pub mod viewport;
 
-pub use app::{ViewerError, ViewerOptions, run};
+pub use app::{Interrupt, ViewerError, ViewerOptions, run};

@@ -124,7 +124,8 @@ impl Screen {
         Some(near(self.project_line(point)?, point, place))
     }
 
-    fn clipped_segment(&self, a: DVec3, b: DVec3) -> Option<(DVec3, DVec3)> {
+    /// What is seen of a segment.
+    pub fn clipped_segment(&self, a: DVec3, b: DVec3) -> Option<(DVec3, DVec3)> {
         let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
         for plane in &self.planes {
             let (from, to) = (height(plane, a), height(plane, b));
@@ -160,7 +161,7 @@ fn height(plane: &Plane, point: DVec3) -> f64 {
 }
 
 /// The part of a convex polygon that is inside a plane.
-fn cut(corners: &[DVec3], plane: &Plane) -> Vec<DVec3> {
+pub fn cut(corners: &[DVec3], plane: &Plane) -> Vec<DVec3> {
     let mut kept = Vec::with_capacity(corners.len() + 1);
     for (&a, &b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
         let (from, to) = (height(plane, a), height(plane, b));

@@ -1,8 +1,12 @@
 //! Sessions without hands: a list of steps, done in a real window.
 //!
 //! A script is a JSON list. Besides every [`Action`], steps are
-//! `{"do":"wait"}` (until the picture is settled, routes and glides are over, a search has answered; or `"seconds"`), `{"do":"click","x":0.5,"y":0.5}` (shares of the picture),
-//! `{"do":"screenshot","file":"a.png"}` (the whole window), and `{"do":"expect", ...}`.
+//! `{"do":"wait"}` (until the picture is settled, routes and glides are over, a search has answered; or `"seconds"`),
+//! `{"do":"click","x":0.5,"y":0.5}` (shares of the picture), `{"do":"drag","x":0.5,"y":0.5,"to_x":0.6,"to_y":0.5}` (a handle),
+//! `{"do":"rectangle", ...}` (likewise; selects), `{"do":"screenshot","file":"a.png"}` (the whole window), and
+//! `{"do":"expect", ...}`.
+//!
+//! A script begins with the usual preferences, and leaves the user's as they are.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +14,9 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use serde::Deserialize;
+use serde::de::{DeserializeOwned, Error};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::action::Action;
 use super::session::Session;
@@ -43,7 +49,7 @@ pub enum ScriptError {
 }
 
 /// A step that is no [`Action`].
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 enum Own {
     /// Wait until nothing changes any more, or some seconds.
@@ -59,6 +65,17 @@ enum Own {
         #[serde(default)]
         add: bool,
     },
+    /// Drag a handle of what is selected, or of a section.
+    Drag { x: f64, y: f64, to_x: f64, to_y: f64 },
+    /// Select all that is seen in a rectangle.
+    Rectangle {
+        x: f64,
+        y: f64,
+        to_x: f64,
+        to_y: f64,
+        #[serde(default)]
+        add: bool,
+    },
     /// Write what the window shows.
     Screenshot { file: PathBuf },
     /// Fail unless this is so.
@@ -67,6 +84,8 @@ enum Own {
         selected: Option<u32>,
         #[serde(default)]
         hidden: Option<u32>,
+        #[serde(default)]
+        moved: Option<usize>,
         #[serde(default)]
         found: Option<usize>,
         /// Name of the current node.
@@ -101,17 +120,34 @@ impl Script {
         let file = |source| ScriptError::File { path: path.to_owned(), source };
         let text = std::fs::read_to_string(path).map_err(file)?;
         let wrong = |step| move |source| ScriptError::Step { path: path.to_owned(), step, source };
-        let values: Vec<serde_json::Value> = serde_json::from_str(&text).map_err(wrong(0))?;
-        let step = |(number, value): (usize, serde_json::Value)| {
-            let kind = value.get("do").and_then(serde_json::Value::as_str).unwrap_or_default();
-            if ["wait", "click", "screenshot", "expect"].contains(&kind) {
-                serde_json::from_value(value).map(Step::Own).map_err(wrong(number))
+        let values: Vec<Value> = serde_json::from_str(&text).map_err(wrong(0))?;
+        let step = |(number, value): (usize, Value)| {
+            let kind = value.get("do").and_then(Value::as_str).unwrap_or_default();
+            if OWN.contains(&kind) {
+                read_step(value).map(Step::Own).map_err(wrong(number))
             } else {
-                serde_json::from_value(value).map(Step::Action).map_err(wrong(number))
+                read_step(value).map(Step::Action).map_err(wrong(number))
             }
         };
         let steps: Result<Vec<Step>, ScriptError> = values.into_iter().enumerate().map(step).collect();
         Ok(Script { steps: steps? })
+    }
+}
+
+/// Steps that are [`Own`].
+const OWN: [&str; 6] = ["wait", "click", "drag", "rectangle", "screenshot", "expect"];
+
+/// One step; fields that it does not have are an error, also in those that have none.
+fn read_step<T: DeserializeOwned + Serialize>(value: Value) -> Result<T, serde_json::Error> {
+    let given: Vec<String> =
+        value.as_object().into_iter().flat_map(|fields| fields.keys().cloned()).collect();
+    let step: T = serde_json::from_value(value)?;
+    let known = serde_json::to_value(&step)?;
+    match given.iter().find(|name| known.get(name.as_str()).is_none()) {
+        Some(unknown) => {
+            Err(serde_json::Error::custom(format!("there is no field `{unknown}` in this step")))
+        }
+        None => Ok(step),
     }
 }
 
@@ -160,14 +196,27 @@ impl ScriptRun {
                     && viewport.is_settled()
                     && !session.navigator.is_gliding()
                     && session.playing.is_none()
-                    && !session.is_searching()
+                    && !session.is_busy()
             }
             Step::Own(Own::Click { x, y, add }) => {
-                let (width, height) = session.size;
-                let cursor = DVec2::new(x * f64::from(width), y * f64::from(height));
                 let measures = session.measuring.is_on;
                 let purpose = if measures { Purpose::Measure } else { Purpose::Select { add: *add } };
-                viewport.pick(session, cursor, purpose);
+                viewport.pick(place(session, *x, *y), purpose).map_err(failed)?;
+                true
+            }
+            Step::Own(Own::Rectangle { x, y, to_x, to_y, add }) => {
+                let purpose = Purpose::Rectangle { to: place(session, *to_x, *to_y), add: *add };
+                viewport.pick(place(session, *x, *y), purpose).map_err(failed)?;
+                true
+            }
+            Step::Own(Own::Drag { x, y, to_x, to_y }) => {
+                let rays = session.camera().rays().map_err(|error| failed(error.to_string()))?;
+                let (from, to) = (place(session, *x, *y), place(session, *to_x, *to_y));
+                if !session.begin_drag(&rays, from) {
+                    return Err(failed(format!("there is no handle at {from}")));
+                }
+                session.drag_to(&rays, to);
+                session.end_drag();
                 true
             }
             Step::Own(Own::Screenshot { file }) => self.take_picture(egui, file, since).map_err(failed)?,
@@ -213,9 +262,15 @@ impl ScriptRun {
     }
 }
 
+/// A place of the picture, pixels.
+fn place(session: &Session, x: f64, y: f64) -> DVec2 {
+    let (width, height) = session.size;
+    DVec2::new(x * f64::from(width), y * f64::from(height))
+}
+
 /// Is the session as expected?
 fn check(session: &Session, expected: &Own) -> Result<(), String> {
-    let Own::Expect { selected, hidden, found, current, measurements, message } = expected else {
+    let Own::Expect { selected, hidden, moved, found, current, measurements, message } = expected else {
         return Ok(());
     };
     let scene = session.document.scene().scene();
@@ -227,6 +282,8 @@ fn check(session: &Session, expected: &Own) -> Result<(), String> {
     let text = |number: &Option<u32>| number.map(|number| number.to_string());
     same("selected", text(selected), session.document.selected().count().to_string())?;
     same("hidden", text(hidden), session.document.state().hidden.count().to_string())?;
+    let motions = session.document.state().motions.len().to_string();
+    same("moved", moved.map(|n| n.to_string()), motions)?;
     same("found", found.map(|n| n.to_string()), session.tree.found().map_or(0, <[u32]>::len).to_string())?;
     same("current", current.clone(), session.current.map(name).unwrap_or_default())?;
     same("measurements", measurements.map(|n| n.to_string()), session.measuring.done.len().to_string())?;

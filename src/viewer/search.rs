@@ -99,19 +99,60 @@ fn work(scene: &LoadedScene, shared: &(Mutex<Desk>, Condvar), tell: &Sender<Foun
     }
 }
 
-/// Nodes that [`crate::scene::Scene::find`] finds; `None` when it is not wanted any more.
+/// Nodes that [`crate::scene::Scene::finder`] finds; `None` when it is not wanted any more.
 fn find(scene: &LoadedScene, text: &str, is_old: impl Fn() -> bool) -> Option<Vec<u32>> {
+    let mut is_found = scene.scene().finder(text);
     let mut nodes = Vec::new();
-    let mut looked_at = 0;
-    for node in scene.scene().find(text) {
-        nodes.push(node);
-        // Between two that are found there may be many that are not: their numbers tell.
-        if node as usize / AT_A_TIME != looked_at {
-            looked_at = node as usize / AT_A_TIME;
-            if is_old() {
-                return None;
-            }
+    for node in 0..scene.scene().nodes().len() as u32 {
+        if (node as usize).is_multiple_of(AT_A_TIME) && is_old() {
+            return None;
+        }
+        if is_found(node) {
+            nodes.push(node);
         }
     }
     Some(nodes)
+}
+
+/// Names of what says a part's number in its extras; case and what is no letter do not matter.
+const NUMBER_NAMES: [&str; 9] = [
+    "partnumber",
+    "partno",
+    "partnr",
+    "partid",
+    "itemnumber",
+    "articlenumber",
+    "materialnumber",
+    "number",
+    "tag",
+];
+
+/// The part number that extras (JSON) tell, if they do.
+pub fn part_number(extras: &str) -> Option<String> {
+    let Ok(serde_json::Value::Object(fields)) = serde_json::from_str(extras) else { return None };
+    let plain =
+        |name: &str| name.chars().filter(char::is_ascii_alphabetic).collect::<String>().to_lowercase();
+    NUMBER_NAMES.iter().find_map(|wanted| {
+        let value = fields.iter().find(|(name, _)| plain(name) == *wanted)?.1;
+        match value {
+            serde_json::Value::String(text) => Some(text.clone()),
+            serde_json::Value::Number(number) => Some(number.to_string()),
+            _ => None,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::part_number;
+
+    #[test]
+    fn part_numbers_are_told_by_several_names() {
+        let number = |extras: &str| part_number(extras);
+        assert_eq!(number(r#"{"mass":3,"Part Number":"A-7"}"#).as_deref(), Some("A-7"));
+        assert_eq!(number(r#"{"part_no":4711}"#).as_deref(), Some("4711"));
+        for none in ["", "[1]", r#"{"mass":3}"#, r#"{"number":null}"#, "{"] {
+            assert_eq!(number(none), None, "{none}");
+        }
+    }
 }

@@ -1,14 +1,14 @@
 //! What casts shadows after something was hidden, looked through or moved: worked out by a thread of its own, since it looks at all
-//! voxels.
+//! voxels. What was found about an older state is not used: a newer one is worked out at once.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
-use crate::filter::Filter;
 use crate::gpu::clear::ClearBricks;
-use crate::loaded::LoadedScene;
-use crate::moved::{Moved, MovedVoxels};
-use crate::visibility::QueryScene;
+use crate::moved::MovedVoxels;
+use crate::progress::Progress;
+use crate::shown::Shown;
 
 use super::ShadowFault;
 use super::worker::WorkerError;
@@ -24,34 +24,66 @@ pub(super) struct Casters {
 /// At most one thread, about the newest change.
 #[derive(Default)]
 pub(super) struct CasterWorker {
-    under_way: Option<Receiver<Casters>>,
-    /// Something has changed since it began.
-    is_stale: bool,
+    under_way: Option<Receiver<Option<Casters>>>,
+    /// What it was last asked about.
+    asked: Option<Arc<Shown>>,
+    /// Something has changed since it began: it should stop.
+    is_stale: Arc<AtomicBool>,
+}
+
+/// Stops the thread.
+struct Stop(Arc<AtomicBool>);
+
+impl Progress for Stop {
+    fn stage(&self, _: &str, _: u64, _: &str) {}
+
+    fn advance(&self, _: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for CasterWorker {
+    fn drop(&mut self) {
+        self.is_stale.store(true, Ordering::Relaxed);
+    }
 }
 
 impl CasterWorker {
-    /// Begins, or begins anew when the one under way is done.
+    /// Begins, or begins anew as soon as the one under way has stopped. Clip planes change nothing: rays are clipped by them.
     ///
     /// # Errors
     ///
     /// The system has no more threads.
-    pub fn change(
-        &mut self,
-        scene: &Arc<LoadedScene>,
-        filter: &Arc<Filter>,
-        moved: Option<&Arc<Moved>>,
-    ) -> Result<(), WorkerError> {
-        self.is_stale = self.under_way.is_some();
-        if self.is_stale {
+    pub fn change(&mut self, shown: &Arc<Shown>) -> Result<(), WorkerError> {
+        let is_same = |asked: &Arc<Shown>| {
+            asked.filter().is_same_but_for_planes(shown.filter()) && asked.motions() == shown.motions()
+        };
+        if self.asked.as_ref().is_some_and(is_same) {
             return Ok(());
         }
+        self.asked = Some(Arc::clone(shown));
+        self.begin()
+    }
+
+    /// Begins with what was last asked about.
+    fn begin(&mut self) -> Result<(), WorkerError> {
+        if self.under_way.is_some() {
+            self.is_stale.store(true, Ordering::Relaxed);
+            return Ok(());
+        }
+        let Some(shown) = self.asked.clone() else { return Ok(()) };
+        self.is_stale = Arc::default();
+        let stop = Stop(Arc::clone(&self.is_stale));
         let (tell, told) = channel();
-        let (scene, filter, moved) = (Arc::clone(scene), Arc::clone(filter), moved.cloned());
         std::thread::Builder::new().name("casters".into()).spawn(move || {
-            let size = scene.scene().grid().voxel_size;
-            let moved = moved.map_or(Ok(None), |moved| moved.voxels(size)).map_err(ShadowFault::Moved);
+            let size = shown.scene().scene().grid().voxel_size;
+            let moved = shown.moved().map_or(Ok(None), |moved| moved.voxels(size, &stop));
+            let casters = (!stop.is_cancelled())
+                .then(|| Casters { clear: clear_bricks(&shown), moved: moved.map_err(ShadowFault::Moved) });
             // Nobody waits any more: the walk is over.
-            let _ = tell.send(Casters { clear: clear_bricks(&scene, &filter), moved });
+            let _ = tell.send(casters.filter(|_| !stop.is_cancelled()));
         })?;
         self.under_way = Some(told);
         Ok(())
@@ -62,31 +94,32 @@ impl CasterWorker {
         self.under_way.is_some()
     }
 
-    /// What was found, and whether that is of an older state; waits for it if asked to.
+    /// What was found about the newest state; waits for it if asked to.
     ///
     /// # Errors
     ///
-    /// The thread has died.
-    pub fn take(&mut self, wait: bool) -> Result<Option<(Casters, bool)>, WorkerError> {
-        let Some(told) = &self.under_way else { return Ok(None) };
-        let found = if wait { told.recv().map_err(|_| TryRecvError::Disconnected) } else { told.try_recv() };
-        match found {
-            Ok(casters) => {
-                self.under_way = None;
-                Ok(Some((casters, self.is_stale)))
+    /// The thread has died; no more threads.
+    pub fn take(&mut self, wait: bool) -> Result<Option<Casters>, WorkerError> {
+        while let Some(told) = &self.under_way {
+            let found =
+                if wait { told.recv().map_err(|_| TryRecvError::Disconnected) } else { told.try_recv() };
+            if let Err(TryRecvError::Empty) = found {
+                return Ok(None);
             }
-            Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => {
-                self.under_way = None;
-                Err(WorkerError::Died)
+            self.under_way = None;
+            match found.map_err(|_| WorkerError::Died)? {
+                Some(casters) if !self.is_stale.load(Ordering::Relaxed) => return Ok(Some(casters)),
+                // It has stopped for something newer, or was done before that came.
+                Some(_) | None => self.begin()?,
             }
         }
+        Ok(None)
     }
 }
 
-/// Voxels all of whose owners a filter hides or looks through, or are of glass.
-pub(super) fn clear_bricks(scene: &LoadedScene, filter: &Filter) -> ClearBricks {
-    let query = QueryScene { filter, ..scene.query() };
+/// Voxels all of whose owners are hidden, elsewhere, looked through or of glass.
+pub(super) fn clear_bricks(shown: &Shown) -> ClearBricks {
+    let query = shown.unmoved();
     let casts = |drawable| query.casts(drawable);
     if (0..query.exact.drawable_count()).all(casts) {
         return ClearBricks::default();

@@ -18,7 +18,6 @@ use std::time::Instant;
 use glam::DVec3;
 
 use crate::camera::{Camera, CameraError};
-use crate::filter::Filter;
 use crate::gpu::clear::ClearBricks;
 use crate::gpu::frame::{FrameInput, FrameRenderer};
 use crate::gpu::instance::{Changes, DrawList};
@@ -29,8 +28,9 @@ use crate::gpu::{Context, GpuError};
 use crate::loaded::LoadedScene;
 use crate::lod::density::{self, DensitySettings};
 use crate::lod::{Choice, ChunkLevels, Selection};
-use crate::moved::{Moved, MovedError};
+use crate::moved::MovedError;
 use crate::render::Lighting;
+use crate::shown::Shown;
 use crate::streaming::{
     ContainerPages, Frame, LoadError, Loader, Priority, StreamSettings, Streamer, predicted,
 };
@@ -108,6 +108,8 @@ pub struct Look<'a> {
     pub marks: &'a Marks,
     /// Cast by voxels, if at all.
     pub shadows: Option<ShadowSettings>,
+    /// What is cut open is drawn as solid.
+    pub caps: bool,
 }
 
 /// Why a walk cannot go on.
@@ -143,13 +145,9 @@ pub enum ShadowFault {
 
 /// Frames of a scene.
 pub struct Walkthrough {
-    scene: Arc<LoadedScene>,
     settings: WalkSettings,
-    /// As asked for.
-    filter: Arc<Filter>,
-    moved: Option<Arc<Moved>>,
-    /// What queries leave out: what is hidden, and what is not any more where it was.
-    query_filter: Arc<Filter>,
+    /// The scene as it was last asked for.
+    shown: Arc<Shown>,
     casters: CasterWorker,
     levels: Arc<ChunkLevels>,
     pages: Arc<ContainerPages<LoadedScene>>,
@@ -159,7 +157,8 @@ pub struct Walkthrough {
     renderer: FrameRenderer,
     /// Host copies of pages, where each frame sends all.
     host: Vec<u8>,
-    frame: u64,
+    /// Frames that were begun; one that fails has a number of its own, too.
+    begun: u64,
     before: Option<Camera>,
     last_cut: u64,
     /// The newest answer, and what was chosen by it.
@@ -173,6 +172,8 @@ pub struct Walkthrough {
     failed: Vec<(u32, LoadError)>,
     shadow_fault: Option<ShadowFault>,
     is_frozen: bool,
+    /// The camera has jumped since it was last asked what is visible.
+    has_jumped: bool,
 }
 
 impl Walkthrough {
@@ -194,20 +195,17 @@ impl Walkthrough {
         let levels = Arc::new(ChunkLevels::new(scene.scene()));
         let pages = Arc::new(ContainerPages(Arc::clone(&scene)));
         Ok(Walkthrough {
-            worker: QueryWorker::new(Arc::clone(&scene), Arc::clone(&levels), settings.query)?,
+            worker: QueryWorker::new(Arc::clone(&levels), settings.query)?,
             levels,
             loader: Loader::new(pages.clone(), 1)?,
             pages,
             streamer: Streamer::new(settings.stream),
-            filter: Arc::default(),
-            moved: None,
-            query_filter: Arc::default(),
+            shown: Arc::new(Shown::all(scene)),
             casters: CasterWorker::default(),
             renderer,
             host,
-            scene,
             settings,
-            frame: 0,
+            begun: 0,
             before: None,
             last_cut: 0,
             seen: None,
@@ -219,6 +217,7 @@ impl Walkthrough {
             failed: Vec::new(),
             shadow_fault: None,
             is_frozen: false,
+            has_jumped: false,
         })
     }
 
@@ -228,46 +227,30 @@ impl Walkthrough {
     ///
     /// The GPU cannot hold them.
     pub fn load_voxels(&mut self) -> Result<(), WalkError> {
-        let query = self.scene.query();
+        let query = self.shown.scene().query();
         // Looking at all voxels takes long: who does not measure need not wait for it.
-        let now = |walk: &Self| clear_bricks(&walk.scene, &walk.query_filter);
+        let now = |walk: &Self| clear_bricks(&walk.shown);
         let clear = if self.settings.wait { now(self) } else { ClearBricks::default() };
         self.renderer.set_voxels(&query.dag, &query.grid, &clear)?;
-        if self.settings.wait && self.moved.is_none() { Ok(()) } else { self.find_casters() }
+        if self.settings.wait && self.shown.moved().is_none() { Ok(()) } else { self.find_casters() }
     }
 
-    /// Leaves out what a filter hides or cuts away, and looks through what it says; what that uncovers comes with the next answers.
-    /// Shadows follow as soon as it is known what casts them.
+    /// Shows the scene as a user has left it; it must be of the same scene. What that uncovers comes with the next answers, and
+    /// shadows follow as soon as it is known what casts them.
     ///
     /// # Errors
     ///
     /// No more threads.
-    pub fn set_filter(&mut self, filter: Filter) -> Result<(), WalkError> {
-        let moved =
-            self.moved.as_ref().map(|moved| Arc::new(Moved::new(&self.scene, moved.motions(), &filter)));
-        self.set_changes(filter, moved)
-    }
-
-    /// The same, and moves parts elsewhere. `moved` was made with the same filter.
-    ///
-    /// # Errors
-    ///
-    /// No more threads.
-    pub fn set_changes(&mut self, filter: Filter, moved: Option<Arc<Moved>>) -> Result<(), WalkError> {
-        let mut query_filter = filter.clone();
-        if let Some(moved) = &moved {
-            moved.hide_in(&self.scene, &mut query_filter);
-        }
-        self.filter = Arc::new(filter);
-        self.query_filter = Arc::new(query_filter);
-        self.moved = moved;
+    pub fn set_shown(&mut self, shown: Arc<Shown>) -> Result<(), WalkError> {
+        debug_assert!(Arc::ptr_eq(shown.scene(), self.shown.scene()), "of another scene");
+        self.shown = shown;
         self.scene_number += 1;
         self.find_casters()
     }
 
     fn find_casters(&mut self) -> Result<(), WalkError> {
         if self.renderer.has_voxels() {
-            self.casters.change(&self.scene, &self.query_filter, self.moved.as_ref())?;
+            self.casters.change(&self.shown)?;
         }
         Ok(())
     }
@@ -279,12 +262,7 @@ impl Walkthrough {
         loop {
             let found = match self.casters.take(wait) {
                 Ok(None) => return Ok(()),
-                Ok(Some((casters, is_stale))) => {
-                    if is_stale {
-                        self.find_casters()?;
-                    }
-                    self.use_casters(casters)
-                }
+                Ok(Some(casters)) => self.use_casters(casters),
                 Err(error) => Err(error.into()),
             };
             self.shadow_fault = found.err();
@@ -299,6 +277,11 @@ impl Walkthrough {
             self.renderer.set_moved_voxels(Some((&voxels.dag.view(), &voxels.grid)))?;
         }
         Ok(())
+    }
+
+    /// The scene as it is shown.
+    pub fn shown(&self) -> &Arc<Shown> {
+        &self.shown
     }
 
     /// Is it being worked out what casts shadows? Then frames to come may look otherwise.
@@ -330,7 +313,10 @@ impl Walkthrough {
     pub fn set_limits(&mut self, lod: DensitySettings) {
         if self.settings.lod != lod {
             self.settings.lod = lod;
-            self.select();
+            // What is frozen stays as it is; the next answer goes by them.
+            if !self.is_frozen {
+                self.select();
+            }
         }
     }
 
@@ -359,11 +345,13 @@ impl Walkthrough {
     ) -> Result<FrameRecord, WalkError> {
         let started = Instant::now();
         let rays = camera.rays()?;
-        let mut record = FrameRecord { frame: self.frame, is_cut, ..FrameRecord::default() };
-        // Counted from 1 here: one that fails has a number of its own, too.
-        self.frame += 1;
+        let mut record = FrameRecord { frame: self.begun, is_cut, ..FrameRecord::default() };
+        self.begun += 1;
+        // A jump that nobody asks about is one when it is asked again.
+        self.has_jumped |= is_cut;
         if !self.is_frozen {
-            self.ask(camera, is_cut, later)?;
+            let has_jumped = std::mem::take(&mut self.has_jumped);
+            self.ask(camera, has_jumped, later)?;
         }
         if !self.is_frozen && self.take_answers()? {
             let started = Instant::now();
@@ -371,7 +359,7 @@ impl Walkthrough {
             record.select_ms = milliseconds(started);
         }
         if let Some(seen) = &self.seen {
-            record.age = self.frame - seen.frame;
+            record.age = record.frame - seen.frame;
             record.visible = seen.visible.len() as u32;
             record.query_ms = seen.milliseconds;
         }
@@ -380,18 +368,20 @@ impl Walkthrough {
         self.take_casters()?;
 
         let draw = Instant::now();
-        let changes = Changes { filter: &self.filter, moved: self.moved.as_deref() };
-        let list = DrawList::new(self.scene.scene(), &rays, &self.drawn, &changes, |page| {
+        let shown = &self.shown;
+        let changes = Changes { filter: shown.filter(), moved: shown.moved() };
+        let list = DrawList::new(shown.scene().scene(), &rays, &self.drawn, &changes, |page| {
             self.streamer.offset_of(page)
         });
         record.triangles = list.triangles;
         self.renderer.draw(&FrameInput {
             list: &list,
-            clip: self.filter.clip_planes(),
+            clip: shown.filter().clip_planes(),
             lighting: look.lighting,
             up: look.up,
             marks: look.marks,
             shadows: look.shadows,
+            caps: look.caps,
             scene: self.scene_number,
         })?;
         if self.settings.wait {
@@ -406,27 +396,31 @@ impl Walkthrough {
         Ok(record)
     }
 
+    /// Of the frame that is drawn, as [`FrameRecord::frame`] counts.
+    fn frame_number(&self) -> u64 {
+        self.begun.saturating_sub(1)
+    }
+
     /// Asks what the frame sees.
     fn ask(&mut self, camera: &Camera, is_cut: bool, later: Option<Camera>) -> Result<(), WalkError> {
         let ahead = self.settings.ahead;
         let predict = || self.before.filter(|_| !is_cut).and_then(|before| predicted(&before, camera, ahead));
+        let is_known = later.is_some();
         let later = if ahead > 0.0 { later.or_else(predict) } else { None };
-        if is_cut {
-            self.last_cut = self.frame;
+        // What was predicted before a jump, or of a motion that has ended, will not be seen; a route that is known has the jump in it.
+        if is_cut && !is_known {
+            self.last_cut = self.frame_number();
         }
-        // What was expected before a jump, or of a motion that has ended, will not be seen.
-        if is_cut || later.is_none() {
+        if later.is_none() || (is_cut && !is_known) {
             self.expected.clear();
         }
-        let (filter, moved) = (Arc::clone(&self.query_filter), self.moved.clone());
         self.worker.ask(Question {
-            frame: self.frame,
+            frame: self.frame_number(),
             camera: *camera,
             is_cut,
             later,
             lod: self.settings.lod,
-            filter,
-            moved,
+            shown: Arc::clone(&self.shown),
         })?;
         Ok(())
     }
@@ -440,7 +434,7 @@ impl Walkthrough {
         let is_own = |seen: &Option<Seen>, frame| seen.as_ref().is_some_and(|seen| seen.frame == frame);
         // The first frame has nothing else to draw either.
         while self.seen.is_none()
-            || (self.settings.latency == Latency::None && !is_own(&self.seen, self.frame))
+            || (self.settings.latency == Latency::None && !is_own(&self.seen, self.frame_number()))
         {
             let answer = self.worker.wait()?;
             is_new |= self.take(answer);
@@ -487,6 +481,7 @@ impl Walkthrough {
         record.drawn = report.drawn.len() as u32;
         record.substituted = report.substituted;
         record.missing = report.missing;
+        record.is_complete = report.is_complete;
         record.delta = [report.added, report.removed, report.changed];
         record.written = report.written;
         record.evicted = report.evicted;
@@ -506,7 +501,7 @@ impl Walkthrough {
         let started = Instant::now();
         let mut copies = Copies::default();
         if self.settings.upload != Upload::Delta {
-            let scene = self.scene.scene();
+            let scene = self.shown.scene().scene();
             let mut pages: Vec<u32> =
                 self.drawn.iter().map(|choice| scene.page_of(choice.drawable, choice.level)).collect();
             pages.sort_unstable();

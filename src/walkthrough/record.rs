@@ -21,6 +21,8 @@ pub struct FrameRecord {
     pub substituted: u32,
     /// Wanted, with nothing resident.
     pub missing: u32,
+    /// All that fits into the budget and can be loaded is resident.
+    pub is_complete: bool,
     /// Drawables that were not drawn in the frame before, are not drawn any more, are drawn at another level.
     pub delta: [u32; 3],
     /// Triangles drawn.

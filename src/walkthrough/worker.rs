@@ -8,12 +8,10 @@ use std::time::Instant;
 use glam::DVec3;
 
 use crate::camera::{Camera, CameraError};
-use crate::filter::Filter;
-use crate::loaded::LoadedScene;
 use crate::lod::density::{self, DensitySettings};
 use crate::lod::{Candidate, Choice, ChunkLevels, Selection, candidates};
-use crate::moved::Moved;
 use crate::progress::Silent;
+use crate::shown::Shown;
 use crate::streaming::Priority;
 use crate::visibility::coherent::{CoherentError, CoherentQuery, CoherentSettings};
 use crate::visibility::culling::Culling;
@@ -32,10 +30,8 @@ pub struct Question {
     pub later: Option<Camera>,
     /// How fine that would be drawn.
     pub lod: DensitySettings,
-    /// What is left out.
-    pub filter: Arc<Filter>,
-    /// What is elsewhere; at its old place, the filter hides it.
-    pub moved: Option<Arc<Moved>>,
+    /// The scene as it is shown.
+    pub shown: Arc<Shown>,
 }
 
 /// What the thread tells.
@@ -77,7 +73,6 @@ struct Desk {
 
 /// What the thread works with.
 struct Work {
-    scene: Arc<LoadedScene>,
     levels: Arc<ChunkLevels>,
     query: CoherentQuery,
     /// Of what was moved, which it tells apart by its scene.
@@ -98,15 +93,11 @@ impl QueryWorker {
     /// # Errors
     ///
     /// Settings that make no query; the system has no more threads.
-    pub fn new(
-        scene: Arc<LoadedScene>,
-        levels: Arc<ChunkLevels>,
-        settings: CoherentSettings,
-    ) -> Result<Self, WorkerError> {
+    pub fn new(levels: Arc<ChunkLevels>, settings: CoherentSettings) -> Result<Self, WorkerError> {
         let rays_per_pixel = settings.rays_per_pixel;
         let query = CoherentQuery::new(settings)?;
         let moved = CoherentQuery::new(CoherentSettings { method: RayMethod::Exact, ..settings })?;
-        let mut work = Work { scene, levels, query, moved, rays_per_pixel };
+        let mut work = Work { levels, query, moved, rays_per_pixel };
         let desk = Arc::new((Mutex::new(Desk::default()), Condvar::new()));
         let (tell, answers) = channel();
         let shared = Arc::clone(&desk);
@@ -212,9 +203,10 @@ impl Work {
         let started = Instant::now();
         // Checked when it was asked.
         let camera = question.camera.rays().ok()?;
-        let scene = QueryScene { filter: &question.filter, ..self.scene.query() };
+        let scene = question.shown.unmoved();
         if question.is_cut {
             self.query.reset();
+            self.moved.reset();
         }
         let seen = self.query.frame(&scene, &camera, &Silent)?.found;
         let in_view = query(&scene, &camera, Method::Frustum, &QuerySettings::default());
@@ -222,7 +214,7 @@ impl Work {
         let mut visible: Vec<(Candidate, u32)> =
             visible.into_iter().map(|one| (one, seen.samples[one.drawable as usize])).collect();
         let mut in_frustum = sized(&scene, camera.eye(), &in_view.visible);
-        if let Some(moved) = &question.moved {
+        if let Some(moved) = question.shown.moved() {
             let found = moved.candidates(&scene, &camera, &mut self.moved);
             in_frustum.extend(found.iter().filter_map(|(one, _)| {
                 Some((apparent_size(moved.drawable_box(one.drawable)?, camera.eye()), one.drawable))
@@ -244,7 +236,7 @@ impl Work {
     fn later(&self, question: &Question) -> Option<Vec<Priority>> {
         // A predicted camera may be none: then nothing is expected.
         let camera = question.later?.rays().ok()?;
-        let scene = QueryScene { filter: &question.filter, ..self.scene.query() };
+        let scene = question.shown.unmoved();
         let few = QuerySettings { rays_per_pixel: self.rays_per_pixel, ..QuerySettings::default() };
         let seen = query(&scene, &camera, Method::Voxel, &few);
         let visible = candidates(scene.exact, &camera, &seen);

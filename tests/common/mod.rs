@@ -9,6 +9,10 @@
 
 pub mod brute_force;
 pub mod cameras;
+mod random;
+
+#[allow(unused_imports, reason = "not by all")]
+pub use random::Random;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,31 +25,6 @@ use voxsight::prepare::{BuildSettings, Resolution, build};
 use voxsight::progress::Silent;
 use voxsight::report::Findings;
 use voxsight::scene::Scene;
-
-/// Random numbers of a seed.
-pub struct Random(oorandom::Rand64);
-
-impl Random {
-    /// From a seed.
-    pub fn new(seed: u64) -> Self {
-        Random(oorandom::Rand64::new(seed.into()))
-    }
-
-    /// 0 to 1.
-    pub fn unit(&mut self) -> f64 {
-        self.0.rand_float()
-    }
-
-    /// Each coordinate -1 to 1.
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
-    }
-
-    /// Below `end`.
-    pub fn below(&mut self, end: u32) -> u32 {
-        self.0.rand_range(0..u64::from(end)) as u32
-    }
-}
 
 /// The folder of real models; says so when there is none.
 pub fn models_folder() -> Option<PathBuf> {

@@ -75,7 +75,7 @@ fn views_lie_in_memory_as_the_shader_reads_them() {
 #[test]
 fn lights_dags_and_shadows_lie_in_memory_as_the_shaders_read_them() {
     let light = ours!(LightUniform: up key sun fill across sky sun_reflected has_shadows
-        has_glass padding_0 padding_1 padding_2);
+        has_glass has_caps padding_0 padding_1);
     assert_eq!(members(&[shader::LIGHT], "Light"), light);
     let dag = ours!(DagUniform: root height side leaves_at clear_slots counts_at counts_from padding_0);
     assert_eq!(members(&[shader::DAG], "Dag"), dag);
@@ -129,6 +129,8 @@ fn constants_of_both_sides_are_the_same() {
             ("MAX_STACK", twin::MAX_STACK as f64),
             ("PARALLEL", twin::PARALLEL.into()),
             ("NEGLIGIBLE", twin::NEGLIGIBLE.into()),
+            ("ENDLESS", query::ENDLESS),
+            ("HEIGHT", shadow::HEIGHT),
         ];
         for (constant_name, value) in expected {
             if all.contains(&format!("const {constant_name}:")) {
@@ -157,6 +159,8 @@ fn constants_of_both_sides_are_the_same() {
         "MAX_STACK",
         "PARALLEL",
         "NEGLIGIBLE",
+        "ENDLESS",
+        "HEIGHT",
     ];
     assert!(
         names.iter().all(|name| texts.contains(&format!("const {name}:"))),

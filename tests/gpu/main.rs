@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod caps;
 mod changes;
 mod command;
 #[path = "../common/command.rs"]
@@ -13,6 +14,7 @@ mod decode;
 mod filter;
 mod layout;
 mod memory;
+mod picking;
 mod pictures;
 mod queries;
 mod rays;

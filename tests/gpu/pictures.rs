@@ -97,7 +97,16 @@ fn draw_frames(
     let list = DrawList::new(all, camera, &choices, &changes, |page| offsets.get(&page).copied());
     let marks = Marks::default();
     let clip = scene.query().filter.clip_planes();
-    let input = FrameInput { list: &list, clip, lighting, up: DVec3::Y, marks: &marks, shadows, scene: 0 };
+    let input = FrameInput {
+        list: &list,
+        clip,
+        lighting,
+        up: DVec3::Y,
+        marks: &marks,
+        shadows,
+        caps: false,
+        scene: 0,
+    };
     if shadows.is_some() {
         let query = scene.query();
         let clear = ClearBricks::new(&query.dag, &query.owners, |d| !query.exact.is_transparent(d));

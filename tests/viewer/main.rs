@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod opening;
 mod panels;
 mod sessions;
 mod trees;

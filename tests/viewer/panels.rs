@@ -41,10 +41,15 @@ fn a_part_is_searched_selected_hidden_and_shown_again() {
     // A name that no other node has in its own.
     let names = || scene.objects().iter().map(|object| scene.name(scene.nodes()[object.node as usize].name));
     let name = names().find(|name| scene.find(name).count() == 1).unwrap().to_owned();
-    let field = harness.get_by(|node| node.role() == egui::accesskit::Role::TextInput);
-    field.focus();
+    // The tree comes last.
+    let field = |harness: &Harness<'static, Session>| {
+        let fields = harness.get_all_by(|node| node.role() == egui::accesskit::Role::TextInput);
+        fields.last().unwrap().focus();
+    };
+    field(&harness);
     harness.run_steps(1);
-    harness.get_by(|node| node.role() == egui::accesskit::Role::TextInput).type_text(&name);
+    let fields = harness.get_all_by(|node| node.role() == egui::accesskit::Role::TextInput);
+    fields.last().unwrap().type_text(&name);
     harness.run_steps(2);
     assert_eq!(harness.state().search_text, name);
     wait_for(harness.state_mut(), "an answer", |session| session.tree.found().is_some());

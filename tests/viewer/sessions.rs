@@ -1,25 +1,31 @@
 //! What a user does, and what follows from it.
 
-use glam::DVec3;
-use voxsight::lab::keyframes::CameraPath;
-use voxsight::viewer::action::{Action, AxisName, SideName};
+use std::time::Duration;
+
+use glam::{DVec2, DVec3};
+use voxsight::camera::Camera;
+use voxsight::lab::keyframes::{CameraPath, Keyframe};
+use voxsight::viewer::action::{Action, AxisName};
 use voxsight::viewer::bookmarks::node_paths;
-use voxsight::visibility::{Method, QueryScene, QuerySettings, query};
+use voxsight::viewer::handles::{Handle, Shape};
+use voxsight::viewer::measure::Snap;
+use voxsight::viewer::navigate::{Motion, Side};
+use voxsight::viewer::pick::Picked;
+use voxsight::viewer::route::Route;
+use voxsight::viewer::session::Session;
+use voxsight::visibility::{Method, QuerySettings, query};
 
 use super::{Sample, rest, wait_for};
 
-fn act(session: &mut voxsight::viewer::session::Session, script: &str) {
+fn act(session: &mut Session, script: &str) {
     let action: Action = serde_json::from_str(script).unwrap_or_else(|error| panic!("{script}: {error}"));
     session.act(&action).unwrap_or_else(|error| panic!("{script}: {error}"));
 }
 
-/// Drawables of objects that are visible from all around, as the document leaves them.
-fn seen(session: &voxsight::viewer::session::Session) -> Vec<bool> {
-    let (filter, _) = session.document.changes();
-    let scene = session.document.scene();
-    let query_scene = QueryScene { filter: &filter, ..scene.query() };
+/// Drawables that the camera sees, as the document leaves them.
+fn seen(session: &Session) -> Vec<bool> {
     let rays = session.camera().rays().unwrap();
-    query(&query_scene, &rays, Method::Hybrid, &QuerySettings::default()).visible
+    query(&session.document.shown().unmoved(), &rays, Method::Hybrid, &QuerySettings::default()).visible
 }
 
 #[test]
@@ -58,16 +64,19 @@ fn what_is_hidden_isolated_looked_through_and_cut_follows_and_is_undone() {
     let opaque = before.iter().filter(|visible| **visible).count();
     assert!(through > opaque, "{through} {opaque}");
     act(&mut session, r#"{"do":"show_all"}"#);
-    // Cut across an axis, from either side: each drawable is on one of them, or on both.
+    // Cut across an axis, from either side.
     act(&mut session, r#"{"do":"clear_selection"}"#);
     act(&mut session, r#"{"do":"add_section","axis":"x","at":0.5}"#);
-    let (filter, _) = session.document.changes();
-    let plane = filter.clip_planes()[0];
+    let plane = session.document.shown().filter().clip_planes()[0];
     let bounds = scene.meta().bounds;
     assert!(plane.normal.dot(DVec3::from(bounds.min) - plane.point) > 0.0, "the lower side stays");
     assert!(plane.normal.dot(DVec3::from(bounds.max) - plane.point) < 0.0);
     act(&mut session, r#"{"do":"clear_sections"}"#);
-    assert!(session.document.changes().0.clip_planes().is_empty());
+    act(&mut session, r#"{"do":"add_section","axis":"x","at":0.5,"flip":true}"#);
+    let other = session.document.shown().filter().clip_planes()[0];
+    assert_eq!((other.normal, other.point), (-plane.normal, plane.point));
+    act(&mut session, r#"{"do":"clear_sections"}"#);
+    assert!(session.document.shown().filter().clip_planes().is_empty());
 }
 
 #[test]
@@ -76,7 +85,7 @@ fn moved_parts_are_elsewhere_until_they_are_moved_back() {
     let mut session = sample.session();
     session.document.select([5, 9]);
     let before = session.document.bounds([5, 9]).unwrap();
-    let mean = |session: &voxsight::viewer::session::Session| {
+    let mean = |session: &Session| {
         let middles = [5, 9].map(|object| session.document.bounds([object]).unwrap());
         0.25 * middles.iter().map(|(min, max)| *min + *max).sum::<DVec3>()
     };
@@ -89,8 +98,8 @@ fn moved_parts_are_elsewhere_until_they_are_moved_back() {
     assert!((by - DVec3::new(3.0, 0.5, -2.0)).length() < 1e-9, "{by}: turned about the parts' middles");
     let (a, b) = (before.1 - before.0, moved.1 - moved.0);
     assert!((a.x - b.z).abs() < 1e-6 && (a.z - b.x).abs() < 1e-6, "turned by 90 degrees: {a} {b}");
-    let (_, parts) = session.document.changes();
-    let parts = parts.unwrap();
+    let shown = session.document.shown();
+    let parts = shown.moved().unwrap();
     let expected: Vec<u32> =
         [5, 9].iter().flat_map(|&object| session.document.scene().scene().object_drawables(object)).collect();
     assert_eq!(parts.drawables(), expected);
@@ -104,7 +113,7 @@ fn moved_parts_are_elsewhere_until_they_are_moved_back() {
     assert!(hits.count() > 0);
     act(&mut session, r#"{"do":"move_back"}"#);
     assert_eq!(session.document.bounds([5, 9]).unwrap(), before);
-    assert!(session.document.changes().1.is_none());
+    assert!(session.document.shown().moved().is_none());
     // Every move is undone alone, a drag at once.
     session.document.select([5]);
     for _ in 0..3 {
@@ -115,11 +124,12 @@ fn moved_parts_are_elsewhere_until_they_are_moved_back() {
     act(&mut session, r#"{"do":"move_back"}"#);
     for share in [0.1, 0.2, 0.3] {
         session.document.change_on("Drag", |state| {
-            state.motions.insert(5, glam::DAffine3::from_translation(DVec3::X * share));
+            std::sync::Arc::make_mut(&mut state.motions)
+                .insert(5, glam::DAffine3::from_translation(DVec3::X * share));
         });
     }
     session.document.end_gesture();
-    session.document.change_on("Drag", |state| state.motions.clear());
+    session.document.change_on("Drag", |state| state.motions = Default::default());
     act(&mut session, r#"{"do":"undo"}"#);
     assert_eq!(session.document.state().motions[&5].translation, DVec3::X * 0.3);
     act(&mut session, r#"{"do":"undo"}"#);
@@ -236,7 +246,7 @@ fn what_cannot_be_done_is_said() {
     assert!(session.act(&Action::Record { on: false }).is_err());
     let told = session.act(&Action::Select { path: "/nowhere".into(), add: false }).unwrap_err();
     assert!(told.contains("/nowhere"), "{told}");
-    session.act(&Action::LookFrom { side: SideName::Top }).unwrap();
+    session.act(&Action::LookFrom { side: Side::TOP }).unwrap();
     session.act_or_tell(&Action::Hide);
     assert_eq!(session.messages.last().unwrap(), "nothing is selected");
 }
@@ -255,4 +265,144 @@ fn an_isolated_part_is_remembered_by_itself() {
     let mut session = sample.session();
     act(&mut session, r#"{"do":"go_to_bookmark","name":"Alone"}"#);
     assert_eq!(session.document.state().hidden, hidden);
+}
+
+/// Where a point is in the session's picture, pixels.
+fn pixel_of(session: &Session, point: DVec3) -> DVec2 {
+    let rays = session.camera().rays().unwrap();
+    let (right, down) = rays.pixel_steps();
+    let away = point - rays.eye();
+    let away = away / away.dot(rays.forward());
+    let (width, height) = rays.size();
+    let middle = 0.5 * DVec2::new(width.into(), height.into());
+    middle + DVec2::new(away.dot(right), away.dot(down)) / right.length_squared()
+}
+
+#[test]
+fn handles_are_dragged_and_a_drag_is_undone_at_once() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    session.document.select([12]);
+    act(&mut session, r#"{"do":"move_tool","on":true}"#);
+    act(&mut session, r#"{"do":"zoom_to_selection"}"#);
+    rest(&mut session);
+    let rays = session.camera().rays().unwrap();
+    let handles = session.handles(&rays);
+    assert_eq!(handles.len(), 6);
+    let Some(&(Handle::Along(AxisName::X), Shape::Arrow { from, to })) = handles.first() else { panic!() };
+    let grip = from.lerp(to, 0.9);
+    assert!(session.begin_drag(&rays, pixel_of(&session, grip)));
+    // As far as its own length, in steps.
+    for step in 1..=10 {
+        let there = grip + (to - from) * f64::from(step) / 10.0;
+        session.drag_to(&rays, pixel_of(&session, there));
+    }
+    session.end_drag();
+    let moved = session.document.state().motions[&12].translation;
+    assert!((moved - (to - from)).length() < 1e-4 * (to - from).length(), "{moved} {}", to - from);
+    assert_eq!(session.document.undoable().0, Some("Move"));
+    act(&mut session, r#"{"do":"undo"}"#);
+    assert!(session.document.state().motions.is_empty());
+    assert_eq!(session.document.undoable().0, None, "one change");
+    // There and back again is none.
+    session.begin_drag(&rays, pixel_of(&session, grip));
+    session.drag_to(&rays, pixel_of(&session, grip + 0.3 * (to - from)));
+    session.drag_to(&rays, pixel_of(&session, grip));
+    session.end_drag();
+    assert!(session.document.state().motions.is_empty() && session.document.undoable().0.is_none());
+    // A section's arrow, wherever it is.
+    act(&mut session, r#"{"do":"add_section","axis":"x"}"#);
+    act(&mut session, r#"{"do":"move_tool","on":false}"#);
+    let before = session.document.planes().next().unwrap();
+    let Some(&(Handle::Section(0), Shape::Arrow { from, to })) = session.handles(&rays).first() else {
+        panic!()
+    };
+    assert!(session.begin_drag(&rays, pixel_of(&session, 0.5 * (from + to))));
+    session.drag_to(&rays, pixel_of(&session, to));
+    session.end_drag();
+    let by = session.document.planes().next().unwrap().point - before.point;
+    assert!((by - 0.5 * (to - from)).length() < 1e-4 * (to - from).length(), "{by}");
+    assert!(!session.begin_drag(&rays, DVec2::new(1.0, 1.0)), "there is nothing");
+}
+
+#[test]
+fn what_moves_the_camera_ends_a_route() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    // A route that does not begin at 0.
+    let camera = session.camera();
+    let there = Camera { eye: (DVec3::from(camera.eye) + DVec3::X).into(), ..camera };
+    let keyframe = |t: f64, camera| Keyframe { t, camera, cut: false };
+    session.route = Some(Route::new(vec![keyframe(10.0, camera), keyframe(12.0, there)], 30.0).unwrap());
+    act(&mut session, r#"{"do":"play"}"#);
+    session.advance(Duration::from_millis(1000), &Motion::default());
+    let half = DVec3::from(session.camera().eye) - DVec3::from(camera.eye);
+    assert!((half.x - 0.5).abs() < 0.2, "{half}");
+    act(&mut session, r#"{"do":"look_from","side":[1,-1,0]}"#);
+    assert!(session.playing.is_none());
+    act(&mut session, r#"{"do":"play"}"#);
+    act(&mut session, r#"{"do":"navigate","mode":"fly"}"#);
+    let ahead = Motion { forward: 1.0, ..Motion::default() };
+    session.advance(Duration::from_millis(10), &ahead);
+    assert!(session.playing.is_none());
+    act(&mut session, r#"{"do":"add_keyframe"}"#);
+    assert_eq!(session.route.as_ref().unwrap().keyframes()[2].t, 14.0);
+    // What is nowhere else is kept when another is recorded.
+    act(&mut session, r#"{"do":"record","on":true}"#);
+    let kept = session.path().with_extension("route.json");
+    let path = CameraPath::from_json(&std::fs::read_to_string(&kept).unwrap(), None).unwrap();
+    assert_eq!(path.keyframes().len(), 3);
+}
+
+#[test]
+fn two_windows_keep_each_others_views() {
+    let sample = Sample::new();
+    let (mut a, mut b) = (sample.session(), sample.session());
+    for (session, name) in [(&mut a, "Pump"), (&mut b, "Valve")] {
+        act(session, &serde_json::json!({"do": "add_bookmark", "name": name}).to_string());
+        session.save_wanted(None);
+    }
+    act(&mut a, r#"{"do":"rename_bookmark","name":"Pump","to":"Pump room"}"#);
+    let names: Vec<String> =
+        sample.session().bookmarks.views().iter().map(|view| view.name.clone()).collect();
+    assert_eq!(names, ["Pump room", "Valve"]);
+    assert_eq!(a.bookmarks, sample.session().bookmarks);
+}
+
+#[test]
+fn measured_points_come_in_order_and_snap() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    let rays = session.camera().rays().unwrap();
+    let shown = session.document.shown();
+    // Two places at which something is.
+    let hit = |x: f64, y: f64| {
+        let ray = rays.ray(x, y);
+        let hit = shown.closest(&ray)?;
+        Some((
+            DVec2::new(x, y),
+            Picked {
+                drawable: hit.drawable,
+                triangle: hit.triangle,
+                point: ray.at(hit.t),
+                normal: shown.normal(&hit),
+                distance: hit.t * ray.direction.length(),
+                is_confirmed: true,
+            },
+        ))
+    };
+    let places: Vec<_> = (100..500).step_by(37).filter_map(|x| hit(x.into(), 240.0)).take(3).collect();
+    assert_eq!(places.len(), 3);
+    for (cursor, picked) in &places {
+        session.measure_at(&rays, &shown, *cursor, picked).unwrap();
+    }
+    assert!(session.is_busy());
+    wait_for(&mut session, "points", |session| !session.is_busy());
+    assert_eq!(session.measuring.done.len(), 1);
+    let near = |snap: &Snap, place: &(DVec2, Picked)| pixel_of(&session, snap.point).distance(place.0) < 11.0;
+    let [measurement] = &session.measuring.done[..] else { panic!() };
+    assert!(near(&measurement.from, &places[0]) && near(&measurement.to, &places[1]));
+    assert!(near(session.measuring.from.as_ref().unwrap(), &places[2]));
+    act(&mut session, r#"{"do":"clear_measurements"}"#);
+    assert!(session.measuring.done.is_empty() && session.measuring.from.is_none());
 }

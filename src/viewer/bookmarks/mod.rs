@@ -188,28 +188,6 @@ impl Bookmarks {
         Some(&view.name)
     }
 
-    /// Puts a view in the place of another, which is returned; `None` when there is no such place.
-    ///
-    /// # Errors
-    ///
-    /// Its camera or a plane of it cannot be used.
-    pub fn replace(&mut self, index: usize, view: Bookmark) -> Result<Option<Bookmark>, ViewError> {
-        view.check()?;
-        let name = self.free_name(&view.name, Some(index));
-        let place = self.views.get_mut(index);
-        Ok(place.map(|place| std::mem::replace(place, Bookmark { name, ..view })))
-    }
-
-    /// Moves a view to another place in the order; false when one of them is not there.
-    pub fn move_to(&mut self, from: usize, to: usize) -> bool {
-        let is_there = from.max(to) < self.views.len();
-        if is_there {
-            let view = self.views.remove(from);
-            self.views.insert(to, view);
-        }
-        is_there
-    }
-
     /// Takes a view out of the list.
     pub fn remove(&mut self, index: usize) -> Option<Bookmark> {
         (index < self.views.len()).then(|| self.views.remove(index))
@@ -267,6 +245,18 @@ impl Bookmarks {
             let name = view.name.clone();
             bookmarks.add(view).map_err(|source| BookmarkError::View { path: path.into(), name, source })?;
         }
+        Ok(bookmarks)
+    }
+
+    /// Reads the views, changes them, and writes them: what others have saved meanwhile stays.
+    ///
+    /// # Errors
+    ///
+    /// As [`Bookmarks::load`] and [`Bookmarks::save`]; nothing has changed then.
+    pub fn change(path: &Path, change: impl FnOnce(&mut Self)) -> Result<Self, BookmarkError> {
+        let mut bookmarks = Self::load(path)?;
+        change(&mut bookmarks);
+        bookmarks.save(path)?;
         Ok(bookmarks)
     }
 

@@ -37,20 +37,27 @@ fn names_are_unique_whatever_is_done() {
     assert_eq!(bookmarks.rename(1, "Pump"), Some("Pump 2"), "its own name is free");
     assert_eq!(bookmarks.rename(2, "Pump"), Some("Pump 4"));
     assert_eq!(bookmarks.rename(9, "Pump"), None);
-    let replaced = bookmarks.replace(0, view("View 2")).unwrap();
-    assert_eq!(replaced.unwrap().name, "Pump");
-    assert_eq!(names(&bookmarks)[0], "View 2 2");
-    assert_eq!(bookmarks.replace(9, view("x")).unwrap(), None);
 }
 
 #[test]
-fn views_are_moved_and_removed() {
+fn views_are_removed() {
     let mut bookmarks = list(&["a", "b", "c", "d"]);
-    assert!(bookmarks.move_to(0, 2) && bookmarks.move_to(3, 0) && !bookmarks.move_to(0, 4));
-    assert_eq!(names(&bookmarks), ["d", "b", "c", "a"]);
     assert_eq!(bookmarks.remove(1).unwrap().name, "b");
     assert_eq!(bookmarks.remove(3), None);
-    assert_eq!(names(&bookmarks), ["d", "c", "a"]);
+    assert_eq!(names(&bookmarks), ["a", "c", "d"]);
+}
+
+#[test]
+fn what_others_have_saved_meanwhile_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.views.json");
+    let add =
+        |name: &str| Bookmarks::change(&path, |views| views.add(view(name)).map_or((), |_| ())).unwrap();
+    add("Pump");
+    assert_eq!(names(&add("Valve")), ["Pump", "Valve"]);
+    fs::write(&path, "{").unwrap();
+    assert!(Bookmarks::change(&path, |views| drop(views.remove(0))).is_err());
+    assert_eq!(fs::read(&path).unwrap(), b"{");
 }
 
 #[test]
@@ -163,8 +170,7 @@ fn views_that_nothing_can_be_seen_by_are_refused() {
     let before = bookmarks.clone();
     let mut bad = view("b");
     bad.camera.eye[1] = f64::NAN;
-    assert!(matches!(bookmarks.add(bad.clone()), Err(ViewError::Camera(_))));
-    assert!(bookmarks.replace(0, bad).is_err());
+    assert!(matches!(bookmarks.add(bad), Err(ViewError::Camera(_))));
     for plane in [([f64::INFINITY, 0.0, 0.0], [1.0; 3]), ([0.0; 3], [0.0; 3]), ([0.0; 3], [f64::NAN; 3])] {
         let planes = vec![SectionPlane { point: plane.0, normal: plane.1 }];
         assert!(matches!(bookmarks.add(Bookmark { planes, ..view("b") }), Err(ViewError::Plane(_))));

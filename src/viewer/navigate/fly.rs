@@ -83,7 +83,7 @@ mod tests {
     /// A wall at z = -40, ahead of an eye at z = 40.
     fn towards_a_wall() -> (Navigator, Boxes) {
         let mut navigator = navigator(DVec3::ZERO, DVec3::Y);
-        navigator.look_from(super::super::Standard::Front, 0.0);
+        navigator.look_from(super::super::Side::FRONT, 0.0);
         navigator.pose.eye = DVec3::new(0.0, 0.0, 40.0);
         navigator.set_mode(Mode::Fly);
         let wall = (DVec3::new(-90.0, -90.0, -41.0), DVec3::new(90.0, 90.0, -40.0));

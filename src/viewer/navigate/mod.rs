@@ -7,7 +7,7 @@
 //! walk       feet on the ground, steps, walls
 //! glide      from one view to another in time
 //! standard   views from the six sides, a box brought into view
-//! probe      what stands in the way: rays through voxels and triangles
+//! probe      what stands in the way: single rays
 //! ```
 //!
 //! World space in f64 throughout, lengths in model units. Nothing is kept relative to the world's origin but positions, so
@@ -22,6 +22,8 @@ mod probe;
 mod standard;
 #[cfg(test)]
 mod testing;
+#[cfg(test)]
+pub(super) use testing::Random;
 mod walk;
 
 use glam::{DVec2, DVec3};
@@ -31,8 +33,8 @@ use crate::camera::{Camera, CameraError, Projection};
 use glide::Glide;
 use pose::{Compass, Pose};
 
-pub use probe::{Probe, SceneProbe};
-pub use standard::Standard;
+pub use probe::Probe;
+pub use standard::Side;
 pub use walk::Body;
 
 /// Vertical field of view unless another is set, degrees.
@@ -147,7 +149,7 @@ impl Navigator {
         let compass = Compass::new(up).ok_or(NavigateError::Up(up))?;
         let body = Body::person(metres_per_unit).ok_or(NavigateError::Unit(metres_per_unit))?;
         let centre = min + 0.5 * (max - min);
-        let world_from_view = compass.orientation(Standard::Isometric.aim());
+        let world_from_view = compass.orientation(Side::ISOMETRIC.aim());
         let mut navigator = Navigator {
             min,
             max,
@@ -192,6 +194,17 @@ impl Navigator {
         self.go_to(camera, 0.0)
     }
 
+    /// Right, back and up of the world, as standard views have them; length 1.
+    pub fn sides(&self) -> [DVec3; 3] {
+        let (back, right) = self.compass.level(0.0);
+        [right, back, self.compass.up]
+    }
+
+    /// Right and up in the picture, length 1.
+    pub fn picture_axes(&self) -> (DVec3, DVec3) {
+        (self.pose.right(), self.pose.up())
+    }
+
     /// How the user moves.
     pub fn mode(&self) -> Mode {
         self.mode
@@ -204,11 +217,6 @@ impl Navigator {
             self.fly_speed = None;
             self.fall_speed = 0.0;
         }
-    }
-
-    /// Who walks.
-    pub fn body_mut(&mut self) -> &mut Body {
-        &mut self.body
     }
 
     /// The point that orbits turn about and whose depth pans follow, world space.

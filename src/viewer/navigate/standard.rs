@@ -1,8 +1,7 @@
 //! Views from the six sides, and a box brought into view.
 
-use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, PI};
-
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::pose::Aim;
 use super::{LEAST_DIAGONAL, NavigateError, Navigator, check_box};
@@ -10,46 +9,90 @@ use super::{LEAST_DIAGONAL, NavigateError, Navigator, check_box};
 /// Room around a framed box, as a factor.
 const ROOM: f64 = 1.05;
 
-/// A side to look from. In front is +Z where Y is up and -Y where Z is; right is +X in both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standard {
-    /// From the front.
-    Front,
-    /// From behind.
-    Back,
-    /// From the left.
-    Left,
-    /// From the right.
-    Right,
-    /// From above; the back is up in the picture.
-    Top,
-    /// From below; the front is up in the picture.
-    Bottom,
-    /// From the front, right and above, at equal angles to the three axes.
-    Isometric,
+/// A side to look from: a face, an edge or a corner of the box that a view cube shows. By name, or as signs along right, back and
+/// up: `"front"` is `[0, -1, 0]`. In front is +Z where Y is up and -Y where Z is; right is +X in both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "SideJson")]
+pub struct Side([i8; 3]);
+
+/// As a script says it.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum SideJson {
+    Name(String),
+    Signs([i8; 3]),
 }
 
-impl Standard {
+impl TryFrom<SideJson> for Side {
+    type Error = String;
+
+    fn try_from(side: SideJson) -> Result<Self, String> {
+        let found = match &side {
+            SideJson::Name(name) => {
+                Side::NAMED.iter().find(|(_, other)| other.eq_ignore_ascii_case(name)).map(|(side, _)| *side)
+            }
+            SideJson::Signs(signs) => Side::new(*signs),
+        };
+        found.ok_or_else(|| {
+            let names = Side::NAMED.map(|(_, name)| name.to_lowercase()).join(", ");
+            format!("expected a side ({names}), or three of -1, 0 and 1 that are not all 0")
+        })
+    }
+}
+
+impl Side {
+    /// From the front.
+    pub const FRONT: Side = Side([0, -1, 0]);
+    /// From behind.
+    pub const BACK: Side = Side([0, 1, 0]);
+    /// From the left.
+    pub const LEFT: Side = Side([-1, 0, 0]);
+    /// From the right.
+    pub const RIGHT: Side = Side([1, 0, 0]);
+    /// From above; the back is up in the picture.
+    pub const TOP: Side = Side([0, 0, 1]);
+    /// From below; the front is up in the picture.
+    pub const BOTTOM: Side = Side([0, 0, -1]);
+    /// From the front, right and above, at equal angles to the three axes.
+    pub const ISOMETRIC: Side = Side([1, -1, 1]);
+
+    /// Those that have names.
+    pub const NAMED: [(Side, &'static str); 7] = [
+        (Side::FRONT, "Front"),
+        (Side::BACK, "Back"),
+        (Side::LEFT, "Left"),
+        (Side::RIGHT, "Right"),
+        (Side::TOP, "Top"),
+        (Side::BOTTOM, "Bottom"),
+        (Side::ISOMETRIC, "Isometric"),
+    ];
+
+    /// Of signs along right, back and up; `None` where they are none, or all 0.
+    pub fn new(signs: [i8; 3]) -> Option<Self> {
+        let is_side = signs != [0; 3] && signs.iter().all(|sign| (-1..=1).contains(sign));
+        is_side.then_some(Side(signs))
+    }
+
+    /// From the middle towards it, along right, back and up; of any length.
+    pub fn direction(self) -> DVec3 {
+        DVec3::from(self.0.map(f64::from))
+    }
+
     pub(super) fn aim(self) -> Aim {
-        let level = |heading: f64| Aim { heading, pitch: 0.0 };
-        match self {
-            Standard::Front => level(0.0),
-            Standard::Back => level(PI),
-            Standard::Left => level(FRAC_PI_2),
-            Standard::Right => level(-FRAC_PI_2),
-            Standard::Top => Aim { heading: 0.0, pitch: -FRAC_PI_2 },
-            Standard::Bottom => Aim { heading: 0.0, pitch: FRAC_PI_2 },
-            Standard::Isometric => Aim { heading: -FRAC_PI_4, pitch: -FRAC_1_SQRT_2.atan() },
-        }
+        let [right, back, up] = self.0.map(f64::from);
+        let level = right.hypot(back);
+        // Straight down and up look as from the front.
+        let heading = if level > 0.0 { (-right).atan2(-back) } else { 0.0 };
+        Aim { heading, pitch: (-up).atan2(level) }
     }
 }
 
 impl Navigator {
     /// Turns about the pivot to look from this side, in so many seconds; jumps when they are not above 0. The pivot stays
     /// where it is in the picture, and its size.
-    pub fn look_from(&mut self, standard: Standard, seconds: f64) {
+    pub fn look_from(&mut self, side: Side, seconds: f64) {
         let mut there = self.destination();
-        let world_from_view = there.compass.orientation(standard.aim());
+        let world_from_view = there.compass.orientation(side.aim());
         there.pose = there.pose.turned_about(there.pivot, world_from_view);
         self.travel_to(there, seconds);
     }
@@ -118,38 +161,50 @@ mod tests {
 
     #[test]
     fn standard_views_look_from_their_sides_and_keep_the_pivot() {
-        use Standard::*;
         // Towards the eye, and up in the picture, where Z is up.
+        let slanted = DVec3::new(-1.0, 0.0, 1.0) / 2f64.sqrt();
+        let slanted_up = DVec3::new(1.0, 0.0, 1.0) / 2f64.sqrt();
+        let left_edge = Side::new([-1, 0, 1]).unwrap();
         let equal = DVec3::new(1.0, -1.0, 1.0) / 3f64.sqrt();
         let equal_up = DVec3::new(-1.0, 1.0, 2.0) / 6f64.sqrt();
-        for (standard, back, up) in [
-            (Front, DVec3::NEG_Y, DVec3::Z),
-            (Back, DVec3::Y, DVec3::Z),
-            (Left, DVec3::NEG_X, DVec3::Z),
-            (Right, DVec3::X, DVec3::Z),
-            (Top, DVec3::Z, DVec3::Y),
-            (Bottom, DVec3::NEG_Z, DVec3::NEG_Y),
-            (Isometric, equal, equal_up),
+        for (side, back, up) in [
+            (Side::FRONT, DVec3::NEG_Y, DVec3::Z),
+            (Side::BACK, DVec3::Y, DVec3::Z),
+            (Side::LEFT, DVec3::NEG_X, DVec3::Z),
+            (Side::RIGHT, DVec3::X, DVec3::Z),
+            (Side::TOP, DVec3::Z, DVec3::Y),
+            (Side::BOTTOM, DVec3::NEG_Z, DVec3::NEG_Y),
+            (Side::ISOMETRIC, equal, equal_up),
+            (left_edge, slanted, slanted_up),
         ] {
-            for (world_up, world_from_z_up) in
-                [(DVec3::Z, glam::DQuat::IDENTITY), (DVec3::Y, glam::DQuat::from_rotation_x(-FRAC_PI_2))]
-            {
+            for (world_up, world_from_z_up) in [
+                (DVec3::Z, glam::DQuat::IDENTITY),
+                (DVec3::Y, glam::DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2)),
+            ] {
                 let mut navigator = navigator(DVec3::ZERO, world_up);
                 navigator.set_pivot(DVec3::new(5.0, -3.0, 2.0));
                 let before = (pixel(&navigator, navigator.pivot()), navigator.depth());
-                navigator.look_from(standard, 0.0);
+                navigator.look_from(side, 0.0);
                 let after = (pixel(&navigator, navigator.pivot()), navigator.depth());
-                assert!(
-                    after.0.distance(before.0) < 1e-6 && (after.1 - before.1).abs() < 1e-9,
-                    "{standard:?}"
-                );
+                assert!(after.0.distance(before.0) < 1e-6 && (after.1 - before.1).abs() < 1e-9, "{side:?}");
                 let camera = navigator.camera(SIZE);
                 let found_back = (DVec3::from(camera.eye) - DVec3::from(camera.target)).normalize_or_zero();
-                assert!(found_back.distance(world_from_z_up * back) < 1e-9, "{standard:?} {found_back}");
+                assert!(found_back.distance(world_from_z_up * back) < 1e-9, "{side:?} {found_back}");
                 let found_up = DVec3::from(camera.up);
-                assert!(found_up.distance(world_from_z_up * up) < 1e-9, "{standard:?} {found_up}");
+                assert!(found_up.distance(world_from_z_up * up) < 1e-9, "{side:?} {found_up}");
             }
         }
+    }
+
+    #[test]
+    fn sides_have_names_or_signs() {
+        let read = |text: &str| serde_json::from_str::<Side>(text);
+        assert_eq!(read("\"top\"").unwrap(), Side::TOP);
+        assert_eq!(read("[1,-1,1]").unwrap(), Side::ISOMETRIC);
+        for wrong in ["\"north\"", "[0,0,0]", "[2,0,0]", "[1,0]"] {
+            assert!(read(wrong).is_err(), "{wrong}");
+        }
+        assert!(read("[0,0,0]").unwrap_err().to_string().contains("front, back"));
     }
 
     #[test]
@@ -193,7 +248,7 @@ mod tests {
     #[test]
     fn framing_during_a_glide_looks_from_where_that_ends() {
         let mut navigator = navigator(DVec3::ZERO, DVec3::Z);
-        navigator.look_from(Standard::Top, 1.0);
+        navigator.look_from(Side::TOP, 1.0);
         navigator.advance(0.1);
         navigator.frame_box(DVec3::ZERO, DVec3::ONE, SIZE, 1.0).unwrap();
         assert!(navigator.is_gliding());

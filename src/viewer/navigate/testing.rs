@@ -5,27 +5,13 @@ use glam::{DVec2, DVec3};
 use super::{Navigator, Probe};
 use crate::camera::Camera;
 
+#[path = "../../../tests/common/random.rs"]
+#[allow(dead_code, reason = "what other tests use")]
+mod random;
+pub(in crate::viewer) use random::Random;
+
 /// A window.
 pub(super) const SIZE: (u32, u32) = (640, 480);
-
-/// Random numbers of a seed.
-pub(super) struct Random(oorandom::Rand64);
-
-impl Random {
-    pub fn new(seed: u64) -> Self {
-        Random(oorandom::Rand64::new(seed.into()))
-    }
-
-    /// 0 to 1.
-    pub fn unit(&mut self) -> f64 {
-        self.0.rand_float()
-    }
-
-    /// Each coordinate -1 to 1.
-    pub fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
-    }
-}
 
 /// In a scene of metres, 100 a side, around a centre.
 pub(super) fn navigator(centre: DVec3, up: DVec3) -> Navigator {

@@ -1,4 +1,4 @@
-//! What is known of the current part, and lists: sections, saved views, the route, measurements.
+//! What is known of the current part, and what is done with it: moving, sections, limits.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -6,9 +6,9 @@ use std::sync::Arc;
 use egui::{CollapsingHeader, DragValue, Grid, ScrollArea, Ui};
 use glam::DVec3;
 
-use super::{button, grouped};
+use super::{button, grouped, lists};
 use crate::viewer::action::{Action, AxisName};
-use crate::viewer::document::triangles_by_level;
+use crate::viewer::document::{Section, triangles_by_level};
 use crate::viewer::measure::LengthUnit;
 use crate::viewer::session::Session;
 
@@ -21,9 +21,9 @@ pub fn properties(ui: &mut Ui, session: &mut Session, seen_of: SeenOf) {
         section(ui, "Part", |ui| part(ui, session, seen_of));
         section(ui, "Move", |ui| moving(ui, session));
         section(ui, "Sections", |ui| sections(ui, session));
-        section(ui, "Saved views", |ui| bookmarks(ui, session));
-        section(ui, "Route", |ui| route(ui, session));
-        section(ui, "Measurements", |ui| measurements(ui, session));
+        section(ui, "Saved views", |ui| lists::bookmarks(ui, session));
+        section(ui, "Route", |ui| lists::route(ui, session));
+        section(ui, "Measurements", |ui| lists::measurements(ui, session));
         section(ui, "Limits", |ui| limits(ui, session));
     });
 }
@@ -85,6 +85,11 @@ fn moving(ui: &mut Ui, session: &mut Session) {
     let scene = Arc::clone(session.document.scene());
     let bounds = scene.scene().meta().bounds;
     let step = 0.01 * (DVec3::from(bounds.max) - DVec3::from(bounds.min)).max_element();
+    let on = !session.moves_parts;
+    if ui.selectable_label(!on, "Handles").on_hover_text("Drag arrows and rings in the picture (G)").clicked()
+    {
+        session.act_or_tell(&Action::MoveTool { on });
+    }
     ui.add_enabled_ui(is_any, |ui| {
         for axis in AxisName::ALL {
             ui.horizontal(|ui| {
@@ -103,125 +108,80 @@ fn moving(ui: &mut Ui, session: &mut Session) {
 }
 
 fn sections(ui: &mut Ui, session: &mut Session) {
-    let meta = session.document.scene().scene().meta();
-    let (min, max) = (DVec3::from(meta.bounds.min), DVec3::from(meta.bounds.max));
+    let (min, max) = session.bounds();
     let speed = 1e-3 * (max - min).max_element();
-    let mut sections = session.document.state().sections.clone();
-    let (mut removed, mut dragged, mut ended) = (None, None, false);
-    for (index, section) in sections.iter_mut().enumerate() {
+    let mut done = None;
+    for (index, section) in session.document.state().sections.iter().enumerate() {
         ui.horizontal(|ui| {
-            let label = ui.checkbox(&mut section.is_on, section.name.as_str());
+            let mut is_on = section.is_on;
+            let label = ui.checkbox(&mut is_on, section.name.as_str());
+            if label.changed() {
+                done = Some((index, Done::Switched(is_on)));
+            }
             // Where the plane is along its normal.
             let normal = section.plane.normal.normalize_or_zero();
-            let mut at = normal.dot(section.plane.point);
+            let before = normal.dot(section.plane.point);
+            let mut at = before;
             let value = ui.add(DragValue::new(&mut at).speed(speed)).labelled_by(label.id);
-            if value.changed() {
-                section.plane.point += normal * (at - normal.dot(section.plane.point));
-                dragged = Some(index);
+            if value.changed() && at.is_finite() {
+                done = Some((index, Done::Moved(normal * (at - before))));
+            } else if value.drag_stopped() || value.lost_focus() {
+                done = Some((index, Done::Ended));
             }
-            ended |= value.drag_stopped() || value.lost_focus();
-            if ui.button("Flip").clicked() {
-                section.plane.normal = -section.plane.normal;
+            if ui.button("Flip").on_hover_text("Keep the other side").clicked() {
+                done = Some((index, Done::Flipped));
             }
             if ui.button("x").on_hover_text("Remove").clicked() {
-                removed = Some(index);
+                done = Some((index, Done::Removed));
             }
         });
     }
-    if let Some(index) = removed {
-        sections.remove(index);
-    }
-    match dragged {
-        Some(index) => {
-            session
-                .document
-                .change_on(&format!("Move section {}", index + 1), |state| state.sections = sections);
-        }
-        None => session.document.change("Section", |state| state.sections = sections),
-    }
-    if ended {
-        session.document.end_gesture();
+    if let Some((index, what)) = done {
+        change_section(session, index, what);
     }
     for axis in AxisName::ALL {
         let action = Action::AddSection { axis, at: None, flip: false };
         button(ui, session, &format!("Across {}", axis.name()), "Through the middle", &action);
     }
+    let mut on = session.preferences.caps;
+    let hint = "Draw what is cut open as solid: of closed bodies";
+    if ui.checkbox(&mut on, "Caps").on_hover_text(hint).changed() {
+        session.act_or_tell(&Action::Caps { on });
+    }
 }
 
-fn bookmarks(ui: &mut Ui, session: &mut Session) {
-    let names: Vec<String> = session.bookmarks.views().iter().map(|view| view.name.clone()).collect();
-    for name in names {
-        ui.horizontal(|ui| {
-            thumbnail(ui, session, &name);
-            button(ui, session, "x", "Forget it", &Action::RemoveBookmark { name: name.clone() });
-            if ui.add(egui::Button::new(&name).truncate()).on_hover_text("See it again").clicked() {
-                session.act_or_tell(&Action::GoToBookmark { name: name.clone() });
+/// What was done with a section.
+enum Done {
+    Switched(bool),
+    Moved(DVec3),
+    Ended,
+    Flipped,
+    Removed,
+}
+
+fn change_section(session: &mut Session, index: usize, what: Done) {
+    let document = &mut session.document;
+    let mut with = |name: &str, change: &dyn Fn(&mut Section)| {
+        document.change(name, |state| state.sections.get_mut(index).map_or((), change));
+    };
+    match what {
+        Done::Switched(is_on) => with("Switch section", &|section| section.is_on = is_on),
+        Done::Flipped => with("Flip section", &|section| section.plane.normal = -section.plane.normal),
+        Done::Moved(by) => document.change_on(&format!("Move section {}", index + 1), |state| {
+            if let Some(section) = state.sections.get_mut(index) {
+                section.plane.point += by;
             }
-        });
-    }
-    button(ui, session, "Save this view", "Beside the scene", &Action::AddBookmark { name: "View".into() });
-}
-
-/// The small picture of a saved view.
-fn thumbnail(ui: &mut Ui, session: &Session, name: &str) {
-    let view = session.bookmarks.views().iter().find(|view| view.name == name);
-    let Some(picture) = view.and_then(|view| view.thumbnail.as_ref()) else { return };
-    let picture = picture.image();
-    // Another view of the same name has another picture.
-    let id = egui::Id::unique(("thumbnail", name, xxhash_rust::xxh3::xxh3_64(picture.as_raw())));
-    let known: Option<egui::TextureHandle> = ui.data(|data| data.get_temp(id));
-    let texture = known.unwrap_or_else(|| {
-        let size = [picture.width() as usize, picture.height() as usize];
-        let pixels = egui::ColorImage::from_rgb(size, picture.as_raw());
-        let texture = ui.ctx().load_texture(name, pixels, egui::TextureOptions::LINEAR);
-        ui.data_mut(|data| data.insert_temp(id, texture.clone()));
-        texture
-    });
-    ui.add(egui::Image::new(&texture).max_height(40.0));
-}
-
-fn route(ui: &mut Ui, session: &mut Session) {
-    if let Some(route) = &session.route {
-        ui.label(format!("{:.1} s, {} keyframes", route.duration(), route.keyframes().len()));
-    }
-    ui.horizontal_wrapped(|ui| {
-        let on = !session.is_recording();
-        let text = if on { "Record" } else { "Stop" };
-        button(ui, session, text, "What the camera does from now on", &Action::Record { on });
-        button(ui, session, "Add this view", "Two seconds after its end", &Action::AddKeyframe);
-        if session.playing.is_some() {
-            button(ui, session, "Stop playing", "Here (Escape)", &Action::Stop);
-        } else {
-            button(ui, session, "Play", "Play the route", &Action::Play);
-        }
-        button(ui, session, "Faster", "1.25 times", &Action::SpeedRoute { factor: 1.25 });
-        button(ui, session, "Slower", "0.8 times", &Action::SpeedRoute { factor: 0.8 });
-        button(ui, session, "Reverse", "Backwards", &Action::ReverseRoute);
-        let file = session.path().with_extension("route.json");
-        let export = Action::ExportRoute { file: file.clone() };
-        button(ui, session, "Export", "Beside the scene, for compare, walk and render", &export);
-        if file.exists() {
-            button(ui, session, "Open", "The one beside the scene", &Action::OpenRoute { file });
-        }
-    });
-}
-
-fn measurements(ui: &mut Ui, session: &mut Session) {
-    let scene = Arc::clone(session.document.scene());
-    let unit = LengthUnit::of(&scene.scene().meta().settings);
-    for measurement in &session.measuring.done {
-        ui.label(measurement.shown(unit).to_string());
-    }
-    if session.measuring.is_on {
-        ui.label(if session.measuring.from.is_some() { "Click the second point." } else { "Click a point." });
-    }
-    if !session.measuring.done.is_empty() {
-        button(ui, session, "Forget all", "All measurements", &Action::ClearMeasurements);
+        }),
+        Done::Ended => document.end_gesture(),
+        Done::Removed => document.change("Remove section", |state| {
+            state.sections.remove(index);
+        }),
     }
 }
 
 fn limits(ui: &mut Ui, session: &mut Session) {
     let preferences = &mut session.preferences;
+    let mut is_memory_changed = false;
     Grid::new("limits").num_columns(2).show(ui, |ui| {
         let label = ui.label("Triangles a frame");
         ui.add(DragValue::new(&mut preferences.triangles).speed(10_000.0)).labelled_by(label.id);
@@ -232,10 +192,16 @@ fn limits(ui: &mut Ui, session: &mut Session) {
         let label = ui.label("Shadow rays a frame");
         ui.add(DragValue::new(&mut preferences.shadow_samples).range(1..=64)).labelled_by(label.id);
         ui.end_row();
-        let label = ui.label("Geometry on the GPU, MB").on_hover_text("From the next start on");
+        let label = ui.label("Geometry on the GPU, MB");
         let mut megabytes = preferences.geometry_bytes / 1_000_000;
-        ui.add(DragValue::new(&mut megabytes).range(17..=1_000_000).speed(10.0)).labelled_by(label.id);
-        preferences.geometry_bytes = megabytes.max(1) * 1_000_000;
+        let field =
+            DragValue::new(&mut megabytes).range(17..=1_000_000).speed(10.0).update_while_editing(false);
+        let field = ui.add(field).labelled_by(label.id);
+        if field.changed() {
+            preferences.geometry_bytes = megabytes * 1_000_000;
+        }
+        // Not at each step of a drag: all of it is loaded anew.
+        is_memory_changed = field.drag_stopped() || (field.changed() && !field.dragged());
         ui.end_row();
         let label = ui.label("Mouse speed");
         ui.add(DragValue::new(&mut preferences.mouse_speed).range(0.05..=20.0).speed(0.05))
@@ -243,4 +209,5 @@ fn limits(ui: &mut Ui, session: &mut Session) {
         ui.end_row();
     });
     preferences.bring_into_range();
+    session.is_memory_changed |= is_memory_changed;
 }

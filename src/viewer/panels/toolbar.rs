@@ -3,8 +3,8 @@
 use egui::Ui;
 
 use super::button;
-use crate::viewer::action::{Action, AxisName, SideName};
-use crate::viewer::navigate::Mode;
+use crate::viewer::action::{Action, AxisName};
+use crate::viewer::navigate::{Mode, Side};
 use crate::viewer::session::Session;
 
 /// Shows the tools.
@@ -19,9 +19,15 @@ pub fn toolbar(ui: &mut Ui, session: &mut Session) {
 }
 
 fn views(ui: &mut Ui, session: &mut Session) {
+    ui.menu_button("Open", |ui| {
+        if let Some(file) = super::recent(ui, &mut session.preferences) {
+            session.act_or_tell(&Action::Open { file });
+            ui.close();
+        }
+    });
     button(ui, session, "All", "See everything (Home)", &Action::ZoomAll);
     ui.menu_button("View", |ui| {
-        for (side, name) in SideName::ALL {
+        for (side, name) in Side::NAMED {
             button(ui, session, name, "Look from there", &Action::LookFrom { side });
         }
         ui.separator();
@@ -70,6 +76,11 @@ fn tools(ui: &mut Ui, session: &mut Session) {
         }
         button(ui, session, "Remove all", "Cut nothing", &Action::ClearSections);
     });
+    let on = !session.moves_parts;
+    let hint = "Drag what is selected by arrows and rings (G)";
+    if ui.selectable_label(!on, "Move").on_hover_text(hint).clicked() {
+        session.act_or_tell(&Action::MoveTool { on });
+    }
     let on = !session.measuring.is_on;
     if ui.selectable_label(!on, "Measure").on_hover_text("Click two points (M)").clicked() {
         session.act_or_tell(&Action::Measure { on });

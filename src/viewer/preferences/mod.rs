@@ -51,6 +51,8 @@ pub struct Preferences {
     pub shadows: bool,
     /// Rays to each light for each pixel and frame.
     pub shadow_samples: u32,
+    /// Is what sections cut open drawn as solid?
+    pub caps: bool,
     /// How the camera moves at first.
     pub navigation: Mode,
     /// Vertical field of view in degrees.
@@ -78,6 +80,7 @@ impl Default for Preferences {
             rays_per_pixel: RaysPerPixel::SIXTEENTH,
             shadows: false,
             shadow_samples: 1,
+            caps: true,
             navigation: Mode::default(),
             fov_y_deg: 60.0,
             mouse_speed: 1.0,

@@ -150,16 +150,6 @@ impl Route {
         })
     }
 
-    /// Moves a keyframe and all later ones in time, by so many seconds.
-    ///
-    /// # Errors
-    ///
-    /// It would reach the one before, there is no such keyframe, or the route gets too long.
-    pub fn shift_from(&mut self, index: usize, seconds: f64) -> Result<(), RouteError> {
-        self.check_index(index)?;
-        self.edit(|keyframes| keyframes.iter_mut().skip(index).for_each(|keyframe| keyframe.t += seconds))
-    }
-
     /// Plays everything so many times as fast, from the same first time on.
     ///
     /// # Errors

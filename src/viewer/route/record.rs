@@ -55,11 +55,6 @@ impl Recorder {
         Recorder { tolerance, frames: Vec::new(), jumps_next: false }
     }
 
-    /// Frames taken.
-    pub fn frame_count(&self) -> usize {
-        self.frames.len()
-    }
-
     /// The next camera is jumped to. Jumps that are much faster than the motion around them are noticed without it.
     pub fn cut(&mut self) {
         self.jumps_next = true;

@@ -1,7 +1,7 @@
 //! Walking among boxes.
 
 use super::super::testing::{Boxes, Random, block, navigator};
-use super::super::{Mode, Standard};
+use super::super::{Mode, Side};
 use super::*;
 
 const FRAME: f64 = 1.0 / 60.0;
@@ -10,7 +10,7 @@ const AHEAD: Motion = Motion { forward: 1.0, right: 0.0, up: 0.0, hurry: 1.0 };
 /// Someone at a place whose feet are at a height, looking along -Z, Y up.
 fn walker(x: f64, feet: f64, z: f64) -> Navigator {
     let mut navigator = navigator(DVec3::ZERO, DVec3::Y);
-    navigator.look_from(Standard::Front, 0.0);
+    navigator.look_from(Side::FRONT, 0.0);
     navigator.set_mode(Mode::Walk);
     navigator.pose.eye = DVec3::new(x, feet + 1.7, z);
     navigator

@@ -1,0 +1,92 @@
+//! What clip planes cut open, drawn as solid.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use voxsight::camera::{Camera, Plane, Projection};
+use voxsight::filter::Filter;
+use voxsight::gpu::marks::Marks;
+use voxsight::gpu::target::NOBODY;
+use voxsight::loaded::LoadedScene;
+use voxsight::moved::Motions;
+use voxsight::ray::Ray;
+use voxsight::render::Lighting;
+use voxsight::shown::Shown;
+use voxsight::walkthrough::{Look, Walkthrough};
+
+use super::common::{build_model, load, random_model};
+use super::context;
+use super::walks::{finest, settle};
+
+const SIZE: (u32, u32) = (320, 240);
+
+/// Does the ray come out of what is cut away within a closed body? Then it leaves it once more often than it enters.
+fn is_solid(scene: &LoadedScene, filter: &Filter, ray: &Ray) -> bool {
+    let exact = scene.query().exact;
+    let (Some(clipped), Some(hit)) = (filter.clipped(ray), exact.closest(ray, filter)) else {
+        return false;
+    };
+    let (mut after, mut faces) = (clipped.t_min, 0);
+    while let Some(face) = exact.closest_of(hit.drawable, &Ray { t_min: after, ..*ray }) {
+        after = face.t + 1e-9;
+        faces += 1;
+    }
+    clipped.t_min > ray.t_min && faces % 2 == 1
+}
+
+#[test]
+fn caps_are_where_rays_come_out_of_what_is_cut_away_within_something_solid() {
+    let Some(context) = context() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    // Boxes and tetrahedra, some of them mirrored; the third shape is an open sheet.
+    let mut model = random_model(11, 60, DVec3::new(2e5, 1e4, -3e5));
+    model.objects.iter_mut().for_each(|object| {
+        object.part %= 2;
+        object.colour.0[3] = 255;
+    });
+    build_model(model, 8, &path);
+    let scene = Arc::new(load(&path));
+    let bounds = scene.scene().meta().bounds;
+    let (min, max) = (DVec3::from(bounds.min), DVec3::from(bounds.max));
+    let mut filter = Filter::default();
+    filter.clip_by(Plane { normal: DVec3::new(-1.0, 0.1, -0.2), point: 0.5 * (min + max) });
+    filter.clip_by(Plane { normal: DVec3::new(0.1, -1.0, 0.0), point: min + 0.8 * (max - min) });
+    let around = Camera::around(min, max, DVec3::new(1.0, 0.6, 0.4), DVec3::Y, SIZE.0, SIZE.1);
+    let height = 1.2 * (max - min).max_element();
+    let marks = Marks::default();
+    for camera in [around, Camera { projection: Projection::Orthographic { height }, ..around }] {
+        let mut walk = Walkthrough::new(Arc::clone(&scene), context, finest()).unwrap();
+        let shown = Shown::new(Arc::clone(&scene), filter.clone(), &Motions::new());
+        walk.set_shown(Arc::new(shown)).unwrap();
+        let mut frame = |lighting: &Lighting, caps: bool| -> (Vec<u32>, Vec<[u8; 4]>) {
+            let look = Look { lighting, up: DVec3::Y, marks: &marks, shadows: None, caps };
+            settle(&mut walk, &camera, &look);
+            let targets = walk.renderer().targets();
+            (targets.drawable.read(context).unwrap(), targets.picture.read(context).unwrap())
+        };
+        // In two lights: in one of them a wall may happen to be as bright as a cap.
+        let [headlight, sunny] = [Lighting::headlight(), Lighting::sunny(DVec3::new(0.2, -1.0, 0.3))];
+        let ((drawables, with), (_, without)) = (frame(&headlight, true), frame(&headlight, false));
+        let ((_, with_sun), (_, without_sun)) = (frame(&sunny, true), frame(&sunny, false));
+        let rays = camera.rays().unwrap();
+        let (mut solid, mut wrong) = (0, 0);
+        for index in 0..with.len() {
+            let pixel = (index as u32 % SIZE.0, index as u32 / SIZE.0);
+            let ray = rays.ray(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
+            // Beside silhouettes rounding may show another drawable.
+            let first = scene.query().exact.closest(&ray, &filter).map_or(NOBODY, |hit| hit.drawable);
+            if first != drawables[index] {
+                continue;
+            }
+            let expected = is_solid(&scene, &filter, &ray);
+            solid += u32::from(expected);
+            wrong += u32::from(
+                expected != (with[index] != without[index] || with_sun[index] != without_sun[index]),
+            );
+        }
+        println!("{solid} capped pixels, {wrong} otherwise");
+        assert!(solid > 500, "{solid}");
+        assert!(wrong * 200 < solid, "{wrong} of {solid}");
+    }
+}
