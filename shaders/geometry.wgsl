@@ -15,14 +15,15 @@ struct Pixel {
     @location(2) colour: vec4f,
 }
 
-// Taken away from the alpha of what is opaque, 255, where the inside of a surface is seen: `shade.wgsl` caps what is cut open there.
+// Taken away from the alpha of what a clip plane cuts, 255 (`gpu::instance`), where the inside of a surface is seen: `shade.wgsl` caps
+// what is cut open there.
 const INSIDE: u32 = 0x01000000u;
 
-// Is the inside of an opaque surface seen? By its winding, which mirrored parts turn about.
+// Is the inside of a surface seen that is opaque and cut? By its winding, which mirrored parts turn about.
 fn is_inside(instance: Instance, normal: vec3f, towards: vec3f) -> bool {
     let is_mirrored = dot(cross(instance.column_x, instance.column_y), instance.column_z) < 0.0;
-    let is_opaque = (instance.colour >> 24u) == 255u;
-    return HAS_CLIP && is_opaque && (dot(normal, towards) > 0.0) != is_mirrored;
+    let may_be_capped = (instance.colour >> 24u) == 255u;
+    return HAS_CLIP && may_be_capped && (dot(normal, towards) > 0.0) != is_mirrored;
 }
 
 // Three vertices a triangle, fetched and decoded here: nothing is indexed, so that each knows its triangle's normal.

@@ -12,6 +12,8 @@
 @group(0) @binding(7) var glass_through: texture_2d<f32>;
 
 const NOBODY: u32 = 0xffffffffu;
+// Of `geometry.wgsl`: the inside of something that is cut.
+const INSIDE_ALPHA: f32 = 254.0;
 // Pixels from one line of a hatching to the next.
 const HATCH: i32 = 7;
 
@@ -47,8 +49,8 @@ fn is_outline(pixel: vec2i) -> bool {
 // Does a pixel show what a clip plane cuts open? There the inside of a surface is seen, and the ray to it comes out of what is cut
 // away: it is within something solid. (Of closed surfaces; an open one looks solid from its inside, too.)
 fn is_cap(pixel: vec2i) -> bool {
-    // 255 is the outside.
-    if textureLoad(colours, pixel, 0).w > 254.5 / 255.0 || textureLoad(drawables, pixel, 0).x == NOBODY {
+    let is_inside = abs(textureLoad(colours, pixel, 0).w - INSIDE_ALPHA / 255.0) < 0.5 / 255.0;
+    if !is_inside || textureLoad(drawables, pixel, 0).x == NOBODY {
         return false;
     }
     let at = vec2f(pixel) + 0.5;

@@ -75,6 +75,11 @@ impl Filter {
         self.clip.push(plane);
     }
 
+    /// The same with other clip planes.
+    pub fn with_planes(&self, clip: Vec<Plane>) -> Self {
+        Filter { clip, ..self.clone() }
+    }
+
     /// The clip planes.
     pub fn clip_planes(&self) -> &[Plane] {
         &self.clip

@@ -3,19 +3,21 @@
 
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use voxsight_voxel::dag::Dag;
 use voxsight_voxel::grid::{Grid, GridError};
 use voxsight_voxel::voxelize::{Drawables, OwnerSink, Settings, SnappedMesh, VoxelizeError, voxelize_into};
 
-use crate::camera::CameraRays;
-use crate::exact::{ExactScene, Instance, TriangleHit};
+use crate::camera::{CameraRays, Plane};
+use crate::exact::{ExactScene, Instance, TriangleHit, transformed_box};
 use crate::filter::Filter;
 use crate::loaded::LoadedScene;
 use crate::lod::{Candidate, candidates};
 use crate::progress::{Progress, Silent};
 use crate::ray::Ray;
+use crate::scene::Scene;
 use crate::visibility::coherent::CoherentQuery;
 use crate::visibility::culling::Culling;
 use crate::visibility::{Method, QueryScene, QuerySettings, VisibleSet, query};
@@ -29,11 +31,11 @@ pub type Motions = BTreeMap<u32, DAffine3>;
 /// Drawables of moved objects that are not hidden, where they are now.
 pub struct Moved {
     /// Rising. Drawable i of `exact` is the i-th of these.
-    drawables: Vec<u32>,
-    placements: BTreeMap<u32, DAffine3>,
-    exact: ExactScene,
+    drawables: Arc<[u32]>,
+    placements: Arc<BTreeMap<u32, DAffine3>>,
+    exact: Arc<ExactScene>,
     /// Of each drawable of `exact`.
-    boxes: Vec<(DVec3, DVec3, Range<u32>)>,
+    boxes: Arc<[(DVec3, DVec3, Range<u32>)]>,
     /// What a query of `exact` leaves out and looks through.
     filter: Filter,
 }
@@ -86,7 +88,25 @@ impl Moved {
             let (min, max) = exact.drawable_box(index);
             (min, max, index..index + 1)
         });
-        Moved { boxes: boxes.collect(), drawables, placements, exact, filter: own }
+        Moved {
+            boxes: boxes.collect(),
+            drawables: drawables.into(),
+            placements: placements.into(),
+            exact: exact.into(),
+            filter: own,
+        }
+    }
+
+    /// The same with other clip planes.
+    pub fn with_planes(&self, planes: Vec<Plane>) -> Self {
+        let Moved { drawables, placements, exact, boxes, filter } = self;
+        Moved {
+            drawables: Arc::clone(drawables),
+            placements: Arc::clone(placements),
+            exact: Arc::clone(exact),
+            boxes: Arc::clone(boxes),
+            filter: filter.with_planes(planes),
+        }
     }
 
     /// Moved drawables that are not hidden, rising.
@@ -124,6 +144,13 @@ impl Moved {
     pub fn normal(&self, hit: &TriangleHit) -> Option<DVec3> {
         let index = self.drawables.binary_search(&hit.drawable).ok()?;
         Some(self.exact.normal(&TriangleHit { drawable: index as u32, ..*hit }))
+    }
+
+    /// World-space box of a moved object, hidden or not; `None` where it has not moved.
+    pub fn object_box(&self, scene: &Scene, object: u32) -> Option<(DVec3, DVec3)> {
+        let motion = self.placements.get(&object)? * scene.world_from_part(object).inverse();
+        let record = &scene.objects()[object as usize];
+        Some(transformed_box(&motion, record.min.into(), record.max.into()))
     }
 
     /// World-space box of a moved drawable.

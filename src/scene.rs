@@ -256,8 +256,9 @@ fn list_drawables(container: &Container) -> Result<Vec<Drawable>, ContainerError
 
 /// Is a folded text in a value of extras, which are JSON? Names of fields do not count.
 fn in_values(extras: &str, wanted: &str) -> bool {
-    // Next to none has it anywhere: that is quick to see.
-    if extras.is_empty() || !folded(extras).collect::<String>().contains(wanted) {
+    // Next to none has it anywhere: that is quick to see, where nothing is written otherwise in JSON.
+    let is_plain = !extras.contains('\\') && !wanted.contains(['"', '\\']);
+    if extras.is_empty() || (is_plain && !folded(extras).collect::<String>().contains(wanted)) {
         return false;
     }
     fn is_in(value: &Value, wanted: &str) -> bool {
@@ -311,5 +312,22 @@ impl PathSearch {
         let found = inherited || self.path[tail..].contains(wanted);
         self.open.push(OpenNode { subtree_end, start, found });
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_extras_are_found_and_their_names_are_not() {
+        let extras = r#"{"Part number":"A-7","size":"3\" pipe","list":[{"deep":4711}],"path":"C:\\plant"}"#;
+        for found in ["a-7", "3\" pipe", "471", "c:\\pl"] {
+            assert!(in_values(extras, found), "{found}");
+        }
+        for not in ["number", "deep", "a-8", "{"] {
+            assert!(!in_values(extras, not), "{not}");
+        }
+        assert!(!in_values("", "a") && !in_values("not json a", "a"));
     }
 }

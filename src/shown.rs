@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::camera::Plane;
 use crate::exact::TriangleHit;
 use crate::filter::Filter;
 use crate::loaded::LoadedScene;
@@ -18,25 +19,37 @@ pub struct Shown {
     filter: Filter,
     /// The same, without what was moved, which is not any more where it was.
     unmoved: Filter,
-    motions: Motions,
+    motions: Arc<Motions>,
     moved: Option<Moved>,
 }
 
 impl Shown {
     /// Without what `filter` hides and cuts away, and with objects moved by these motions.
-    pub fn new(scene: Arc<LoadedScene>, filter: Filter, motions: &Motions) -> Self {
-        let moved = (!motions.is_empty()).then(|| Moved::new(&scene, motions, &filter));
+    pub fn new(scene: Arc<LoadedScene>, filter: Filter, motions: impl Into<Arc<Motions>>) -> Self {
+        let motions: Arc<Motions> = motions.into();
+        let moved = (!motions.is_empty()).then(|| Moved::new(&scene, &motions, &filter));
         let mut unmoved = filter.clone();
         for &object in motions.keys() {
             scene.scene().object_drawables(object).for_each(|drawable| unmoved.set_hidden(drawable, true));
         }
-        Shown { scene, filter, unmoved, motions: motions.clone(), moved }
+        Shown { scene, filter, unmoved, motions, moved }
+    }
+
+    /// The same with other clip planes: quickly, however much is hidden and moved.
+    pub fn with_planes(&self, planes: Vec<Plane>) -> Self {
+        Shown {
+            scene: Arc::clone(&self.scene),
+            unmoved: self.unmoved.with_planes(planes.clone()),
+            motions: Arc::clone(&self.motions),
+            moved: self.moved.as_ref().map(|moved| moved.with_planes(planes.clone())),
+            filter: self.filter.with_planes(planes),
+        }
     }
 
     /// Where the file has it, but for what the loaded scene leaves out by itself.
     pub fn all(scene: Arc<LoadedScene>) -> Self {
         let filter = scene.query().filter.clone();
-        Shown::new(scene, filter, &Motions::new())
+        Shown::new(scene, filter, Motions::new())
     }
 
     /// As the file has it.

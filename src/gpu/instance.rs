@@ -7,7 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3, IVec3};
 
-use crate::camera::CameraRays;
+use crate::camera::{CameraRays, Plane};
 use crate::filter::Filter;
 use crate::lod::Choice;
 use crate::moved::Moved;
@@ -124,6 +124,26 @@ pub struct Changes<'a> {
     pub moved: Option<&'a Moved>,
 }
 
+/// Alpha of what is opaque and of an object that no clip plane cuts: its inside is never capped. That of one that is cut is 255.
+pub const WHOLE: u8 = 253;
+
+/// Does a clip plane go through an object's box?
+fn is_cut(object: u32, changes: &Changes, scene: &Scene) -> bool {
+    let planes = changes.filter.clip_planes();
+    if planes.is_empty() {
+        return false;
+    }
+    let (min, max) = match changes.moved.and_then(|moved| moved.object_box(scene, object)) {
+        Some(bounds) => bounds,
+        None => {
+            let record = &scene.objects()[object as usize];
+            (DVec3::from(record.min), DVec3::from(record.max))
+        }
+    };
+    let reaches = |normal: DVec3, point: DVec3| Plane { normal, point }.reaches(min, max);
+    planes.iter().any(|plane| reaches(plane.normal, plane.point) && reaches(-plane.normal, plane.point))
+}
+
 /// What a frame draws.
 #[derive(Clone, Debug)]
 pub struct DrawList {
@@ -186,9 +206,11 @@ impl DrawList {
                     step: glam::Vec3::from(scene.parts()[part as usize].step).as_dvec3(),
                     world_from_part: moved.unwrap_or_else(|| scene.world_from_part(object)),
                 };
+                let [r, g, b, alpha] = colour_of(choice);
+                let is_whole = !is_transparent && !is_cut(object, changes, scene);
                 Instance {
                     drawable: choice.drawable,
-                    colour: u32::from_le_bytes(colour_of(choice)),
+                    colour: u32::from_le_bytes([r, g, b, if is_whole { WHOLE } else { alpha }]),
                     ..Instance::placed(&placement, eye).with_page(&layout, offset)
                 }
             }));

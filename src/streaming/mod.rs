@@ -187,20 +187,15 @@ struct Settled {
     wanted: Vec<Choice>,
     in_frustum: Vec<u32>,
     expected: Vec<Choice>,
-    /// What the budget has no room for stays so.
-    substituted: u32,
-    missing: u32,
 }
 
 impl Settled {
-    fn of(frame: &Frame, report: &FrameReport) -> Self {
+    fn of(frame: &Frame) -> Self {
         let choices = |wants: &[Priority]| wants.iter().map(|want| want.choice).collect();
         Settled {
             wanted: choices(frame.wanted),
             in_frustum: frame.in_frustum.to_vec(),
             expected: choices(frame.expected),
-            substituted: report.substituted,
-            missing: report.missing,
         }
     }
 
@@ -257,10 +252,7 @@ impl Streamer {
     ) -> (FrameReport, Vec<u32>) {
         let mut report = FrameReport::default();
         let mut loaded = loaded.into_iter().peekable();
-        if loaded.peek().is_none()
-            && let Some(settled) = self.settled.as_ref().filter(|settled| settled.is_of(frame))
-        {
-            (report.substituted, report.missing) = (settled.substituted, settled.missing);
+        if loaded.peek().is_none() && self.settled.as_ref().is_some_and(|settled| settled.is_of(frame)) {
             report.drawn.clone_from(&self.last);
             report.resident = self.pool.capacity() - self.pool.free();
             report.is_complete = true;
@@ -289,7 +281,9 @@ impl Streamer {
         let is_there = |wish: &Wish| self.offset_of(wish.page).is_some() || self.failed.contains(&wish.page);
         report.is_complete = wishes.iter().all(is_there);
         let requests = self.requests(&wishes);
-        self.settled = report.is_complete.then(|| Settled::of(frame, &report));
+        // Where something is substituted for want of room, room may still be made.
+        let is_settled = report.is_complete && report.substituted == 0 && report.missing == 0;
+        self.settled = is_settled.then(|| Settled::of(frame));
         (report, requests)
     }
 

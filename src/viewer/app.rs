@@ -125,8 +125,12 @@ fn setup(adapter: Option<String>) -> WgpuSetup {
 
 /// What the window shows.
 enum Stage {
-    Loading(Loading),
-    Failed { path: PathBuf, told: String },
+    /// Since when.
+    Loading(Loading, Instant),
+    Failed {
+        path: PathBuf,
+        told: String,
+    },
     Open(Box<Open>),
 }
 
@@ -138,6 +142,8 @@ struct Open {
     had_focus: bool,
     /// The picture was not at rest then.
     was_moving: bool,
+    /// Since when its first picture is waited for.
+    opening: Option<Instant>,
 }
 
 struct App {
@@ -151,6 +157,8 @@ struct App {
     notes: Vec<String>,
     keeps_preferences: bool,
     interrupt: Arc<Interrupt>,
+    /// What was cancelled and still winds up: waited for when the window closes.
+    cancelled: Vec<Loading>,
 }
 
 impl App {
@@ -189,6 +197,7 @@ impl App {
             context,
             keeps_preferences: options.script.is_none(),
             interrupt: options.interrupt,
+            cancelled: Vec::new(),
             script: options.script.map(ScriptRun::new),
             outcome,
             frame_began: Instant::now(),
@@ -197,7 +206,7 @@ impl App {
     }
 
     /// Opens what was loaded.
-    fn open(&mut self, opened: Opened, egui: &egui::Context) -> Result<Open, String> {
+    fn open(&mut self, opened: Opened, since: Instant, egui: &egui::Context) -> Result<Open, String> {
         self.preferences.remember(&opened.path);
         let repaint = egui.clone();
         let mut session = Session::new(opened, self.preferences.clone(), move || repaint.request_repaint())
@@ -214,19 +223,23 @@ impl App {
             viewport: viewport.map_err(|error| error.to_string())?,
             had_focus: false,
             was_moving: false,
+            opening: Some(since),
         })
     }
 
     fn follow_loading(&mut self, egui: &egui::Context) {
-        let Stage::Loading(loading) = &self.stage else { return };
+        let Stage::Loading(loading, since) = &self.stage else { return };
+        let since = *since;
         egui.request_repaint_after(Duration::from_millis(100));
         let Some(outcome) = loading.take() else { return };
         let path = loading.path().to_owned();
-        self.stage =
-            match outcome.map_err(|error| error.to_string()).and_then(|opened| self.open(opened, egui)) {
-                Ok(open) => Stage::Open(Box::new(open)),
-                Err(told) => Stage::Failed { path, told },
-            };
+        self.stage = match outcome
+            .map_err(|error| error.to_string())
+            .and_then(|opened| self.open(opened, since, egui))
+        {
+            Ok(open) => Stage::Open(Box::new(open)),
+            Err(told) => Stage::Failed { path, told },
+        };
     }
 }
 
@@ -234,7 +247,7 @@ impl App {
 fn begin(path: &Path, egui: &egui::Context) -> Stage {
     let repaint = egui.clone();
     match Loading::begin(path.to_owned(), move || repaint.request_repaint()) {
-        Ok(loading) => Stage::Loading(loading),
+        Ok(loading) => Stage::Loading(loading, Instant::now()),
         Err(error) => Stage::Failed { path: path.to_owned(), told: error.to_string() },
     }
 }
@@ -245,13 +258,13 @@ impl eframe::App for App {
         let passed = self.frame_began.elapsed().min(LONGEST_FRAME);
         self.frame_began = Instant::now();
         self.follow_loading(&egui);
-        self.interrupt.is_making.store(matches!(self.stage, Stage::Loading(_)), Ordering::Relaxed);
+        self.interrupt.is_making.store(matches!(self.stage, Stage::Loading(..)), Ordering::Relaxed);
         if self.interrupt.is_asked.load(Ordering::Relaxed) {
             egui.send_viewport_cmd(egui::ViewportCommand::Close);
         }
         let mut begin_again = dropped_file(&egui);
         match &mut self.stage {
-            Stage::Loading(loading) => {
+            Stage::Loading(loading, _) => {
                 if loading_screen(ui, &loading.status(), loading.path()) {
                     loading.cancel();
                 }
@@ -266,30 +279,21 @@ impl eframe::App for App {
                 begin_again = begin_again.or(open.session.wanted_file.take());
                 if let Err(error) = outcome {
                     let path = open.session.path().to_owned();
-                    self.preferences = open.session.preferences.clone();
-                    self.stage = Stage::Failed { path, told: error };
+                    self.replace(Stage::Failed { path, told: error });
                 } else if std::mem::take(&mut open.session.is_memory_changed) {
-                    open.resize_memory(&self.context);
+                    open.resize_memory(&self.context, &self.window);
                 }
             }
         }
         if let Some(path) = begin_again {
-            if let Stage::Open(open) = &mut self.stage {
-                open.session.save_wanted(None);
-                self.preferences = open.session.preferences.clone();
-            }
             egui.send_viewport_cmd(egui::ViewportCommand::Title(title(&path)));
-            self.stage = begin(&path, &egui);
+            self.replace(begin(&path, &egui));
         }
         self.run_script(&egui);
     }
 
     fn on_exit(&mut self) {
-        if let Stage::Open(open) = &mut self.stage {
-            // Their picture has not come in time.
-            open.session.save_wanted(None);
-            self.preferences = open.session.preferences.clone();
-        }
+        self.close();
         if self.keeps_preferences
             && let Err(error) = self.preferences.save()
         {
@@ -299,10 +303,31 @@ impl eframe::App for App {
 }
 
 impl App {
+    /// Shows something else.
+    fn replace(&mut self, stage: Stage) {
+        self.close();
+        if let Stage::Loading(loading, _) = std::mem::replace(&mut self.stage, stage) {
+            // Not here: some of what it does cannot be stopped at once.
+            loading.cancel();
+            self.cancelled.push(loading);
+        }
+        self.cancelled.retain(|loading| !loading.is_over());
+    }
+
+    /// Keeps what would be lost with an opened scene.
+    fn close(&mut self) {
+        if let Stage::Open(open) = &mut self.stage {
+            open.session.close();
+            open.session.messages.iter().rev().take(3).for_each(|told| eprintln!("{told}"));
+            self.preferences = open.session.preferences.clone();
+            open.viewport.free(&self.window);
+        }
+    }
+
     fn run_script(&mut self, egui: &egui::Context) {
         let Some(script) = &mut self.script else { return };
         let outcome = match &mut self.stage {
-            Stage::Loading(_) => return,
+            Stage::Loading(..) => return,
             Stage::Failed { told, .. } => Err(told.clone()),
             Stage::Open(open) => script.step(egui, &mut open.session, &mut open.viewport),
         };
@@ -368,9 +393,14 @@ fn failed_screen(ui: &mut Ui, path: &Path, told: &str, preferences: &mut Prefere
 
 impl Open {
     /// Begins with another amount of memory for geometry; with as much as before where the adapter has no more.
-    fn resize_memory(&mut self, context: &Context) {
+    fn resize_memory(&mut self, context: &Context, window: &RenderState) {
         match Viewport::new(context, &self.session) {
-            Ok(viewport) => self.viewport = viewport,
+            Ok(viewport) => {
+                self.viewport.free(window);
+                self.viewport = viewport;
+                // What it went on drawing is gone.
+                self.session.is_frozen = false;
+            }
             Err(error) => {
                 self.session.tell(error.to_string());
                 self.session.preferences.geometry_bytes = self.viewport.figures.budget;
@@ -380,7 +410,7 @@ impl Open {
 
     /// All of the window. What the GPU could not do is an error.
     fn ui(&mut self, ui: &mut Ui, passed: Duration, window: &RenderState) -> Result<(), String> {
-        let Open { session, viewport, had_focus, was_moving } = self;
+        let Open { session, viewport, had_focus, was_moving, opening } = self;
         Panel::top("tools").show(ui, |ui| panels::toolbar(ui, session));
         Panel::bottom("status").show(ui, |ui| panels::status(ui, session, &viewport.figures));
         // The picture keeps a fifth of the window.
@@ -406,6 +436,12 @@ impl Open {
         });
         *had_focus = ui.memory(|memory| memory.focused().is_some());
         *was_moving = outcome?;
+        // What is read and loaded comes later than the window.
+        if viewport.figures.drawn > 0
+            && let Some(since) = opening.take()
+        {
+            session.tell(format!("first picture after {:.2} s", since.elapsed().as_secs_f64()));
+        }
         Ok(())
     }
 }
@@ -437,7 +473,8 @@ fn picture(
     }
     let pointer = response.hover_pos().or(response.interact_pointer_pos());
     viewport.overlay(session, &ui.painter_at(area), area, pointer);
-    if let Some((from, to)) = rectangle(ui, &response) {
+    if let (Some(from), Some(to)) = (session.rectangle, response.interact_pointer_pos()) {
+        let from = area.min + egui::vec2(from.x as f32, from.y as f32) / scale;
         let drawn = Rect::from_two_pos(from, to);
         let fill = Color32::from_rgba_unmultiplied(120, 170, 255, 40);
         ui.painter().rect(
@@ -452,16 +489,6 @@ fn picture(
         ui.ctx().request_repaint();
     }
     Ok(is_moving || has_more)
-}
-
-/// The corners of a rectangle that is dragged with the command key, in which is selected.
-fn rectangle(ui: &Ui, response: &egui::Response) -> Option<(egui::Pos2, egui::Pos2)> {
-    let (origin, now, command) = ui
-        .input(|input| (input.pointer.press_origin(), input.pointer.interact_pos(), input.modifiers.command));
-    let is_dragged =
-        response.dragged_by(PointerButton::Primary) || response.drag_stopped_by(PointerButton::Primary);
-    let (from, to) = origin.zip(now)?;
-    (is_dragged && command).then_some((from, to))
 }
 
 fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &mut Viewport, scale: f32) {
@@ -480,7 +507,12 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
         return;
     }
     if let Some(cursor) = cursor {
-        clicks(response, session, viewport, cursor, modifiers.command);
+        // A nudge of a handle is no click on what is behind it.
+        let rays = session.camera().rays().ok();
+        let is_handle = rays.is_some_and(|rays| session.handle_at(&rays, cursor).is_some());
+        if !is_handle {
+            clicks(response, session, viewport, cursor, modifiers.command);
+        }
         if response.drag_started()
             && let Some((ray, Some(distance))) = viewport.point_under(cursor)
         {
@@ -491,14 +523,7 @@ fn mouse(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &m
     if drag_handle(ui, response, session, &place) {
         return;
     }
-    if let Some((from, to)) = rectangle(ui, response) {
-        if response.drag_stopped() {
-            let (from, to) = (place(from), place(to));
-            let purpose = Purpose::Rectangle { to, add: modifiers.shift };
-            if let Err(told) = viewport.pick(from, purpose) {
-                session.tell(told);
-            }
-        }
+    if drag_rectangle(ui, response, session, viewport, &place) {
         return;
     }
     let delta = response.drag_delta() * scale;
@@ -552,6 +577,32 @@ fn wheel(ui: &Ui, response: &egui::Response, session: &mut Session, viewport: &V
     }
 }
 
+/// Draws a rectangle with the command key, and selects in it. Is one being drawn?
+fn drag_rectangle(
+    ui: &Ui,
+    response: &egui::Response,
+    session: &mut Session,
+    viewport: &mut Viewport,
+    place: &dyn Fn(egui::Pos2) -> DVec2,
+) -> bool {
+    let (origin, modifiers) = ui.input(|input| (input.pointer.press_origin(), input.modifiers));
+    if response.drag_started_by(PointerButton::Primary) && modifiers.command {
+        session.rectangle = origin.map(place);
+    }
+    let Some(from) = session.rectangle else { return false };
+    if response.dragged_by(PointerButton::Primary) {
+        return true;
+    }
+    session.rectangle = None;
+    if let Some(to) = response.interact_pointer_pos().map(place) {
+        let purpose = Purpose::Rectangle { to, add: modifiers.shift };
+        if let Err(told) = viewport.pick(from, purpose) {
+            session.tell(told);
+        }
+    }
+    true
+}
+
 /// Takes, drags or lets go a handle. Is one in hand?
 fn drag_handle(
     ui: &Ui,
@@ -586,6 +637,11 @@ fn keys(ui: &Ui, session: &mut Session) -> Motion {
         ui.input(|input| input.key_pressed(key) && input.modifiers.command && input.modifiers.shift == shift)
     };
     let is_orbit = session.navigator.mode() == Mode::Orbit;
+    let mut escape = pressed(Key::Escape);
+    if escape && (session.dragging.is_some() || session.rectangle.is_some()) {
+        session.cancel_drag();
+        escape = false;
+    }
     for (is_asked, action) in [
         (pressed(Key::F), Action::ZoomToSelection),
         (pressed(Key::Home), Action::ZoomAll),
@@ -594,8 +650,8 @@ fn keys(ui: &Ui, session: &mut Session) -> Motion {
         (pressed(Key::X), Action::Xray),
         (pressed(Key::M), Action::Measure { on: !session.measuring.is_on }),
         (pressed(Key::G), Action::MoveTool { on: !session.moves_parts }),
-        (pressed(Key::Escape) && session.playing.is_some(), Action::Stop),
-        (pressed(Key::Escape) && session.playing.is_none(), Action::ClearSelection),
+        (escape && session.playing.is_some(), Action::Stop),
+        (escape && session.playing.is_none(), Action::ClearSelection),
         (command(Key::Z, false), Action::Undo),
         (command(Key::Y, false) || command(Key::Z, true), Action::Redo),
     ] {

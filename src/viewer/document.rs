@@ -1,7 +1,7 @@
 //! An opened scene and what a user has done with it. Every change can be undone.
 
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{DAffine3, DVec3};
 
@@ -59,7 +59,9 @@ impl ObjectSet {
     /// All of them, rising.
     pub fn iter(&self) -> impl Iterator<Item = u32> + '_ {
         let bits = |(index, &word): (usize, &u64)| {
-            (0..64).filter(move |bit| word >> bit & 1 == 1).map(move |bit| index as u32 * 64 + bit)
+            let rest = |word: &u64| Some(word & (word - 1)).filter(|&rest| rest != 0);
+            let words = std::iter::successors(Some(word).filter(|&word| word != 0), rest);
+            words.map(move |word| index as u32 * 64 + word.trailing_zeros())
         };
         self.words.iter().enumerate().flat_map(bits)
     }
@@ -121,7 +123,16 @@ pub struct Document {
     is_open: bool,
     /// Of this state; made when it is first asked for.
     shown: OnceLock<Arc<Shown>>,
+    /// Another number for another selection.
+    selection: u64,
+    /// Of this state and selection; likewise.
+    middle: OnceLock<Option<DVec3>>,
+    /// The box of the node that was last asked about, in this state: of an assembly it takes long.
+    node_box: Mutex<Option<(u32, Bounds)>>,
 }
+
+/// Corners of a box; `None` of nothing.
+type Bounds = Option<(DVec3, DVec3)>;
 
 impl Document {
     /// As the file has it.
@@ -135,6 +146,9 @@ impl Document {
             redo: Vec::new(),
             is_open: false,
             shown: OnceLock::new(),
+            selection: 0,
+            middle: OnceLock::new(),
+            node_box: Mutex::new(None),
         }
     }
 
@@ -179,24 +193,40 @@ impl Document {
     /// Takes over another state; the one before.
     fn replace(&mut self, state: Arc<State>) -> Arc<State> {
         self.version += 1;
-        self.shown = OnceLock::new();
+        // Where planes alone are others, the rest is taken over: one is dragged.
+        let alike = Arc::ptr_eq(&state.hidden, &self.state.hidden)
+            && Arc::ptr_eq(&state.seen_through, &self.state.seen_through)
+            && Arc::ptr_eq(&state.motions, &self.state.motions);
+        let shown = self.shown.take().filter(|_| alike);
+        self.shown = shown.map_or_else(OnceLock::new, |shown| {
+            OnceLock::from(Arc::new(shown.with_planes(planes(&state).collect())))
+        });
+        self.middle = OnceLock::new();
+        self.node_box = Mutex::new(None);
         std::mem::replace(&mut self.state, state)
     }
 
     /// As [`Document::change`], but one with the last change if that was made so by the same name and nothing came between: what a drag
     /// does bit by bit is undone at once. [`Document::end_gesture`] ends it.
     pub fn change_on(&mut self, name: &str, change: impl FnOnce(&mut State)) {
-        let count = self.undo.len();
         let goes_on = self.is_open && self.undo.last().is_some_and(|(last, _)| last == name);
-        self.change(name, change);
-        if goes_on && self.undo.len() > count {
-            self.undo.pop();
-            // Back where it began, it has changed nothing.
-            if self.undo.last().is_some_and(|(_, before)| *before == self.state) {
-                self.undo.pop();
-            }
+        if !goes_on {
+            let before = self.version;
+            self.change(name, change);
+            self.is_open = self.version != before;
+            return;
         }
-        self.is_open = true;
+        let mut state = State::clone(&self.state);
+        change(&mut state);
+        if state == *self.state {
+            return;
+        }
+        self.replace(Arc::new(state));
+        // Back where it began, it has changed nothing.
+        if self.undo.last().is_some_and(|(_, before)| *before == self.state) {
+            self.undo.pop();
+            self.is_open = false;
+        }
     }
 
     /// What comes now is another change, whatever its name.
@@ -306,6 +336,16 @@ impl Document {
 
     // --- Selection ---
 
+    /// Another number for another selection.
+    pub fn selection_version(&self) -> u64 {
+        self.selection
+    }
+
+    fn selection_changes(&mut self) {
+        self.selection += 1;
+        self.middle = OnceLock::new();
+    }
+
     /// Selects these objects alone.
     pub fn select(&mut self, objects: impl IntoIterator<Item = u32>) {
         self.selected.clear();
@@ -314,11 +354,13 @@ impl Document {
 
     /// Adds objects to the selection.
     pub fn add(&mut self, objects: impl IntoIterator<Item = u32>) {
+        self.selection_changes();
         objects.into_iter().for_each(|object| self.selected.set(object, true));
     }
 
     /// Adds objects to the selection, or where all of them are selected, takes them away.
     pub fn toggle(&mut self, objects: impl IntoIterator<Item = u32> + Clone) {
+        self.selection_changes();
         let are_in = objects.clone().into_iter().all(|object| self.selected.has(object));
         objects.into_iter().for_each(|object| self.selected.set(object, !are_in));
     }
@@ -337,7 +379,7 @@ impl Document {
 
     /// The planes that cut.
     pub fn planes(&self) -> impl Iterator<Item = Plane> + '_ {
-        self.state.sections.iter().filter(|section| section.is_on).map(|section| section.plane)
+        planes(&self.state)
     }
 
     /// The scene as it is shown.
@@ -355,11 +397,30 @@ impl Document {
         for object in self.state.seen_through.iter() {
             scene.object_drawables(object).for_each(|drawable| filter.set_seen_through(drawable, true));
         }
-        Shown::new(Arc::clone(&self.scene), filter, &self.state.motions)
+        Shown::new(Arc::clone(&self.scene), filter, Arc::clone(&self.state.motions))
+    }
+
+    /// The mean of the selected parts' own middles, where they are now; `None` where nothing is selected. It turns with them: back and
+    /// forth ends where it began.
+    pub fn middle_of_selection(&self) -> Option<DVec3> {
+        *self.middle.get_or_init(|| {
+            let middles = self.selected.iter().filter_map(|object| self.bounds([object]));
+            let sum: DVec3 = middles.map(|(min, max)| 0.5 * (min + max)).sum();
+            (self.selected.count() > 0).then(|| sum / f64::from(self.selected.count()))
+        })
+    }
+
+    /// World-space box of all below a node, where it is now; `None` of nothing.
+    pub fn node_bounds(&self, node: u32) -> Bounds {
+        let mut known = self.node_box.lock().unwrap_or_else(PoisonError::into_inner);
+        match *known {
+            Some((of, bounds)) if of == node => bounds,
+            _ => known.insert((node, self.bounds(self.objects_of(node)))).1,
+        }
     }
 
     /// World-space box of objects, where they are now; `None` of none.
-    pub fn bounds(&self, objects: impl IntoIterator<Item = u32>) -> Option<(DVec3, DVec3)> {
+    pub fn bounds(&self, objects: impl IntoIterator<Item = u32>) -> Bounds {
         let all = self.scene.scene().objects();
         let bounds = objects.into_iter().map(|object| {
             let record = &all[object as usize];
@@ -371,6 +432,11 @@ impl Document {
         });
         bounds.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
+}
+
+/// The planes of a state that cut.
+fn planes(state: &State) -> impl Iterator<Item = Plane> + '_ {
+    state.sections.iter().filter(|section| section.is_on).map(|section| section.plane)
 }
 
 fn share(set: &ObjectSet, objects: Range<u32>) -> Share {
@@ -432,5 +498,86 @@ mod tests {
         assert_eq!(set.iter().collect::<Vec<_>>(), expected);
         set.clear();
         assert_eq!(set.count_of(0..300), 0);
+    }
+
+    /// A plant, as small as can be.
+    fn document() -> Document {
+        use crate::prepare::{BuildSettings, Resolution, build};
+        use crate::progress::Silent;
+        let settings = crate::sample::PlantSettings { objects: 30, triangles: 3000, seed: 1 };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plant.vxs");
+        let build_settings = BuildSettings { resolution: Resolution::Log2(6), ..BuildSettings::default() };
+        let model = crate::sample::plant(&settings);
+        build(model, Vec::new(), Default::default(), &build_settings, &path, &Silent).unwrap();
+        let scene = crate::scene::Scene::open(&path).unwrap();
+        Document::new(Arc::new(LoadedScene::new(scene, &Silent).unwrap()))
+    }
+
+    fn drag(document: &mut Document, x: f64) {
+        let mut objects = ObjectSet::default();
+        objects.set(3, true);
+        let motion = DAffine3::from_translation(DVec3::X * x);
+        document.drag_by("Move", &objects, &Motions::new(), motion);
+    }
+
+    fn x(document: &Document) -> f64 {
+        document.state().motions.get(&3).map_or(0.0, |motion| motion.translation.x)
+    }
+
+    #[test]
+    fn gestures_are_undone_one_by_one() {
+        let mut document = document();
+        [1.0, 2.0].iter().for_each(|&at| drag(&mut document, at));
+        document.end_gesture();
+        // One that begins with nothing, and one that comes back on its way.
+        [2.0, 3.0, 4.0].iter().for_each(|&at| drag(&mut document, at));
+        document.end_gesture();
+        [5.0, 4.0, 6.0].iter().for_each(|&at| drag(&mut document, at));
+        document.end_gesture();
+        for expected in [4.0, 2.0, 0.0] {
+            assert!(document.undo().is_some());
+            assert_eq!(x(&document), expected);
+        }
+        assert!(document.undo().is_none());
+        // As many as are kept: a long drag is still one.
+        for at in 0..MOST_UNDONE {
+            document.set_hidden([at as u32 % 7], at % 14 < 7);
+        }
+        let count = document.undo.len();
+        assert_eq!(count, MOST_UNDONE);
+        (1..100).for_each(|at| drag(&mut document, f64::from(at)));
+        assert_eq!(document.undo.len(), MOST_UNDONE);
+        document.undo();
+        assert_eq!((x(&document), document.undo.len()), (0.0, MOST_UNDONE - 1));
+        assert_eq!(document.undoable().0, Some("Hide"), "what was done before it is still there");
+    }
+
+    #[test]
+    fn a_plane_that_moves_leaves_the_rest_as_it_is() {
+        let mut document = document();
+        document.set_hidden([1, 2], true);
+        drag(&mut document, 1.0);
+        let before = document.shown();
+        let plane = Plane { normal: DVec3::X, point: DVec3::ONE };
+        document.change("Add section", |state| {
+            state.sections.push(Section { name: "a".into(), plane, is_on: true });
+        });
+        let after = document.shown();
+        assert_eq!(after.filter().clip_planes(), [plane]);
+        assert_eq!(after.unmoved().filter.clip_planes(), [plane]);
+        assert!(after.filter().is_same_but_for_planes(before.filter()));
+        assert_eq!(after.motions(), before.motions());
+        // Made anew it is the same.
+        let anew = Shown::new(Arc::clone(document.scene()), after.filter().clone(), after.motions().clone());
+        let mut random = oorandom::Rand64::new(3);
+        let (min, max) = document.bounds(0..30).unwrap();
+        for _ in 0..500 {
+            let mut point = || {
+                min + (max - min) * DVec3::new(random.rand_float(), random.rand_float(), random.rand_float())
+            };
+            let ray = crate::ray::Ray::new(point(), (point() - point()).normalize_or(DVec3::X));
+            assert_eq!(after.closest(&ray), anew.closest(&ray));
+        }
     }
 }

@@ -131,6 +131,11 @@ impl Loading {
         LoadStatus { done: self.shared.done.load(Ordering::Relaxed), ..status }
     }
 
+    /// Has it ended?
+    pub fn is_over(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
     /// Stops it: an error soon tells so.
     pub fn cancel(&self) {
         self.shared.is_cancelled.store(true, Ordering::Relaxed);
@@ -209,9 +214,28 @@ fn is_of(scene: &Scene, model: &Path) -> bool {
     // A folder's files have paths in it. What a file refers to is counted with it.
     let is_there = |source: &Source| {
         let file = if is_folder { model.join(&source.name) } else { model.to_owned() };
-        std::fs::metadata(file).is_ok_and(|meta| meta.is_file() && meta.len() <= source.bytes)
+        let is_as_long = |length: u64| length == source.bytes || (length < source.bytes && may_refer(&file));
+        std::fs::metadata(&file).is_ok_and(|meta| meta.is_file() && is_as_long(meta.len()))
     };
     !sources.is_empty() && (is_folder || sources.len() == 1) && sources.iter().all(is_there)
+}
+
+/// May a file refer to others, which its length is counted with? A binary glTF seldom does, but then to a buffer beside it.
+fn may_refer(file: &Path) -> bool {
+    let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let has_buffer = || {
+        let beside = file.parent().and_then(|folder| std::fs::read_dir(folder).ok());
+        beside
+            .into_iter()
+            .flatten()
+            .flatten()
+            .any(|entry| entry.path().extension() == Some(OsStr::new("bin")))
+    };
+    match ending.as_str() {
+        "stl" | "ply" => false,
+        "glb" => has_buffer(),
+        _ => true,
+    }
 }
 
 /// When a model was last changed; a folder also when something was put into it or taken out.

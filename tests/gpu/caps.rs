@@ -2,19 +2,20 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use voxsight::camera::{Camera, Plane, Projection};
 use voxsight::filter::Filter;
 use voxsight::gpu::marks::Marks;
 use voxsight::gpu::target::NOBODY;
 use voxsight::loaded::LoadedScene;
+use voxsight::model::{Colour, Node, Object, Part};
 use voxsight::moved::Motions;
 use voxsight::ray::Ray;
 use voxsight::render::Lighting;
 use voxsight::shown::Shown;
 use voxsight::walkthrough::{Look, Walkthrough};
 
-use super::common::{build_model, load, random_model};
+use super::common::{build_model, cuboid, load, random_model};
 use super::context;
 use super::walks::{finest, settle};
 
@@ -40,11 +41,22 @@ fn caps_are_where_rays_come_out_of_what_is_cut_away_within_something_solid() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.vxs");
     // Boxes and tetrahedra, some of them mirrored; the third shape is an open sheet.
-    let mut model = random_model(11, 60, DVec3::new(2e5, 1e4, -3e5));
+    let centre = DVec3::new(2e5, 1e4, -3e5);
+    let mut model = random_model(11, 60, centre);
     model.objects.iter_mut().for_each(|object| {
         object.part %= 2;
         object.colour.0[3] = 255;
     });
+    // Some that are wound the wrong way, where no plane cuts them: they are no caps.
+    let mut inverted = cuboid();
+    inverted.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
+    model.parts.push(Part { name: "inverted".to_owned(), mesh: inverted });
+    for at in [DVec3::new(6.0, 13.0, 22.0), DVec3::new(4.0, 2.0, 23.0), DVec3::new(5.0, 8.0, 25.0)] {
+        let node = model.nodes.len() as u32;
+        model.nodes.push(Node { name: "inverted".to_owned(), ..Node::default() });
+        let world_from_part = DAffine3::from_translation(centre + at);
+        model.objects.push(Object { node, part: 3, world_from_part, colour: Colour([200, 90, 60, 255]) });
+    }
     build_model(model, 8, &path);
     let scene = Arc::new(load(&path));
     let bounds = scene.scene().meta().bounds;
@@ -57,7 +69,7 @@ fn caps_are_where_rays_come_out_of_what_is_cut_away_within_something_solid() {
     let marks = Marks::default();
     for camera in [around, Camera { projection: Projection::Orthographic { height }, ..around }] {
         let mut walk = Walkthrough::new(Arc::clone(&scene), context, finest()).unwrap();
-        let shown = Shown::new(Arc::clone(&scene), filter.clone(), &Motions::new());
+        let shown = Shown::new(Arc::clone(&scene), filter.clone(), Motions::new());
         walk.set_shown(Arc::new(shown)).unwrap();
         let mut frame = |lighting: &Lighting, caps: bool| -> (Vec<u32>, Vec<[u8; 4]>) {
             let look = Look { lighting, up: DVec3::Y, marks: &marks, shadows: None, caps };
@@ -70,7 +82,7 @@ fn caps_are_where_rays_come_out_of_what_is_cut_away_within_something_solid() {
         let ((drawables, with), (_, without)) = (frame(&headlight, true), frame(&headlight, false));
         let ((_, with_sun), (_, without_sun)) = (frame(&sunny, true), frame(&sunny, false));
         let rays = camera.rays().unwrap();
-        let (mut solid, mut wrong) = (0, 0);
+        let (mut solid, mut wrong, mut uncut) = (0, 0, 0);
         for index in 0..with.len() {
             let pixel = (index as u32 % SIZE.0, index as u32 / SIZE.0);
             let ray = rays.ray(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
@@ -80,13 +92,14 @@ fn caps_are_where_rays_come_out_of_what_is_cut_away_within_something_solid() {
                 continue;
             }
             let expected = is_solid(&scene, &filter, &ray);
+            uncut += u32::from(first != NOBODY && scene.scene().drawable_object(first) >= 60);
             solid += u32::from(expected);
             wrong += u32::from(
                 expected != (with[index] != without[index] || with_sun[index] != without_sun[index]),
             );
         }
         println!("{solid} capped pixels, {wrong} otherwise");
-        assert!(solid > 500, "{solid}");
+        assert!(solid > 500 && uncut > 100, "{solid} {uncut}");
         assert!(wrong * 200 < solid, "{wrong} of {solid}");
     }
 }

@@ -56,7 +56,7 @@ fn settled(
         // Something else a moment before: what is worked out for it is given up.
         let before = Motions::from([(1, DAffine3::from_translation(DVec3::Y))]);
         for motions in [&before, motions] {
-            let shown = Shown::new(Arc::clone(scene), filter.clone(), motions);
+            let shown = Shown::new(Arc::clone(scene), filter.clone(), motions.clone());
             walk.set_shown(Arc::new(shown)).unwrap();
         }
     }

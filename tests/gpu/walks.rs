@@ -89,7 +89,7 @@ fn difference(walk: &Walkthrough, context: &Context, camera: &Camera) -> Differe
 
 /// Leaves out what a filter says.
 fn leave_out(walk: &mut Walkthrough, filter: Filter) {
-    let shown = Shown::new(Arc::clone(walk.shown().scene()), filter, &Motions::new());
+    let shown = Shown::new(Arc::clone(walk.shown().scene()), filter, Motions::new());
     walk.set_shown(Arc::new(shown)).unwrap();
 }
 

@@ -65,6 +65,24 @@ fn a_scene_is_made_once_and_anew_when_its_model_changes() {
 }
 
 #[test]
+fn a_shorter_file_of_an_older_time_is_another_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("a.ply");
+    let write = |comment: &str| {
+        let head = format!("ply\nformat ascii 1.0\ncomment {comment}\nelement vertex 3\n");
+        let properties = "property float x\nproperty float y\nproperty float z\nelement face 1\n";
+        let rest = "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+        fs::write(&model, format!("{head}{properties}{rest}")).unwrap();
+    };
+    write("revision B, the longer one");
+    let first = open(&model, &Silent).unwrap();
+    set_time(&first.path, 60);
+    assert!(open(&model, &Silent).unwrap().remarks.is_empty(), "it is kept");
+    write("A");
+    assert!(!open(&model, &Silent).unwrap().remarks.is_empty(), "it is made anew, and says what it guessed");
+}
+
+#[test]
 fn what_cannot_be_opened_says_why_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let nothing = open(&folder.path().join("no.obj"), &Silent).err().unwrap().to_string();

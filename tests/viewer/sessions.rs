@@ -352,6 +352,34 @@ fn what_moves_the_camera_ends_a_route() {
     let kept = session.path().with_extension("route.json");
     let path = CameraPath::from_json(&std::fs::read_to_string(&kept).unwrap(), None).unwrap();
     assert_eq!(path.keyframes().len(), 3);
+    // And what is recorded when the window closes.
+    session.advance(Duration::from_millis(100), &Motion::default());
+    session.advance(Duration::from_millis(100), &Motion::default());
+    session.close();
+    let second = session.path().with_extension("route-2.json");
+    assert!(CameraPath::from_json(&std::fs::read_to_string(&second).unwrap(), None).is_ok());
+    session.close();
+    assert!(!session.path().with_extension("route-3.json").exists(), "once");
+}
+
+#[test]
+fn an_escaped_drag_leaves_everything_as_it_was() {
+    let sample = Sample::new();
+    let mut session = sample.session();
+    session.document.select([12]);
+    act(&mut session, r#"{"do":"zoom_to_selection"}"#);
+    act(&mut session, r#"{"do":"move_tool","on":true}"#);
+    rest(&mut session);
+    let rays = session.camera().rays().unwrap();
+    let Some(&(_, Shape::Arrow { from, to })) = session.handles(&rays).first() else { panic!() };
+    assert!(session.begin_drag(&rays, pixel_of(&session, from.lerp(to, 0.9))));
+    session.drag_to(&rays, pixel_of(&session, to + 2.0 * (to - from)));
+    assert!(!session.document.state().motions.is_empty());
+    session.cancel_drag();
+    assert!(session.document.state().motions.is_empty() && session.dragging.is_none());
+    assert!(session.document.undoable().0.is_none());
+    session.select_drawables(&[0, 1, 2], false);
+    assert!(session.document.selected().count() >= 1 && !session.document.selected().has(12));
 }
 
 #[test]

@@ -112,16 +112,16 @@ mod tests {
         let (object, from, hit) = met.unwrap();
         let mut hidden = Filter::default();
         loaded.scene().object_drawables(object as u32).for_each(|drawable| hidden.set_hidden(drawable, true));
-        let without = Shown::new(Arc::clone(&loaded), hidden, &Motions::new());
+        let without = Shown::new(Arc::clone(&loaded), hidden, Motions::new());
         assert!(down(&without, from).is_none_or(|t| t > hit.t));
         let mut cut = Filter::default();
         cut.clip_by(Plane { normal: DVec3::NEG_Y, point: from - (hit.t + 0.01) * DVec3::Y });
-        let below = Shown::new(Arc::clone(&loaded), cut, &Motions::new());
+        let below = Shown::new(Arc::clone(&loaded), cut, Motions::new());
         assert!(down(&below, from).is_none_or(|t| t > hit.t + 0.009));
         // Away from where it was, and in the way where it is now: far beside the scene.
         let aside = DVec3::X * 3.0 * (max - min).x;
         let motions = Motions::from([(object as u32, DAffine3::from_translation(aside))]);
-        let moved = Shown::new(Arc::clone(&loaded), Filter::default(), &motions);
+        let moved = Shown::new(Arc::clone(&loaded), Filter::default(), motions);
         assert!(down(&moved, from).is_none_or(|t| t > hit.t));
         let found = down(&moved, from + aside).unwrap();
         assert!((found - hit.t).abs() < 1e-6 && down(&all, from + aside).is_none(), "{found} {}", hit.t);

@@ -52,7 +52,7 @@ fn part(ui: &mut Ui, session: &Session, seen_of: SeenOf) {
             ui.end_row();
         };
         line("Parts", grouped(objects.len() as u64));
-        if let Some((min, max)) = session.document.bounds(objects.clone()) {
+        if let Some((min, max)) = session.document.node_bounds(node) {
             let [x, y, z] = (max - min).to_array().map(|side| unit.show(side));
             line("Size", format!("{x} x {y} x {z}"));
         }

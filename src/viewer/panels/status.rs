@@ -21,6 +21,8 @@ pub struct Figures {
     pub drawn: u32,
     /// Wanted and not there yet.
     pub missing: u32,
+    /// All that fits is there.
+    pub is_complete: bool,
     /// Triangles drawn.
     pub triangles: u64,
     /// Bytes of geometry on the GPU.
@@ -72,7 +74,13 @@ pub fn status(ui: &mut Ui, session: &Session, figures: &Figures) {
             ui.label(format!("{samples} shadow rays"));
         }
         if figures.missing > 0 {
-            ui.label(RichText::new(format!("{} loading", figures.missing)).color(Color32::YELLOW));
+            let (what, hint) = match figures.is_complete && figures.failed == 0 {
+                true => ("have no room", "Allow more geometry on the GPU, under Limits"),
+                false => ("loading", "Their geometry is on its way"),
+            };
+            let text =
+                RichText::new(format!("{} {what}", grouped(figures.missing.into()))).color(Color32::YELLOW);
+            ui.label(text).on_hover_text(hint);
         }
         if figures.failed > 0 {
             let text = format!("{} levels could not be loaded", figures.failed);

@@ -42,7 +42,7 @@ impl Session {
     pub fn handles(&self, camera: &CameraRays) -> Vec<(Handle, Shape)> {
         let mut all = Vec::new();
         if self.moves_parts
-            && let Some(centre) = self.middle_of_selection()
+            && let Some(centre) = self.document.middle_of_selection()
         {
             all.extend(handles::of_selection(camera, centre));
         }
@@ -57,12 +57,15 @@ impl Session {
         all
     }
 
+    /// The handle at a place of the picture.
+    pub fn handle_at(&self, camera: &CameraRays, cursor: DVec2) -> Option<(Handle, Shape)> {
+        handles::under(&self.handles(camera), camera, cursor)
+    }
+
     /// Takes the handle at a place of the picture, if there is one.
     pub fn begin_drag(&mut self, camera: &CameraRays, cursor: DVec2) -> bool {
-        let Some((handle, shape)) = handles::under(&self.handles(camera), camera, cursor) else {
-            return false;
-        };
-        let before = match (handle, self.middle_of_selection()) {
+        let Some((handle, shape)) = self.handle_at(camera, cursor) else { return false };
+        let before = match (handle, self.document.middle_of_selection()) {
             (Handle::Section(index), _) => {
                 let section = self.document.state().sections.get(index);
                 section.map(|section| Before::Plane(section.plane))
@@ -107,18 +110,31 @@ impl Session {
         }
     }
 
+    /// Puts back what is dragged, and lets it go.
+    pub fn cancel_drag(&mut self) {
+        self.rectangle = None;
+        let Some(dragging) = self.dragging.take() else { return };
+        match (&dragging.before, dragging.handle) {
+            (Before::Parts { objects, motions, .. }, handle) => {
+                let name = if matches!(handle, Handle::About(_)) { "Rotate" } else { "Move" };
+                self.document.drag_by(name, objects, motions, DAffine3::IDENTITY);
+            }
+            (Before::Plane(plane), Handle::Section(index)) => {
+                self.document.change_on(&format!("Move section {}", index + 1), |state| {
+                    if let Some(section) = state.sections.get_mut(index) {
+                        section.plane = *plane;
+                    }
+                });
+            }
+            (Before::Plane(_), _) => {}
+        }
+        self.document.end_gesture();
+    }
+
     /// Lets it go: what it did is one change.
     pub fn end_drag(&mut self) {
         self.dragging = None;
         self.document.end_gesture();
-    }
-
-    /// The mean of the selected parts' own middles, which turn with them: back and forth ends where it began.
-    pub(super) fn middle_of_selection(&self) -> Option<DVec3> {
-        let selected = self.document.selected();
-        let middles = selected.iter().filter_map(|object| self.document.bounds([object]));
-        let sum: DVec3 = middles.map(|(min, max)| 0.5 * (min + max)).sum();
-        (selected.count() > 0).then(|| sum / f64::from(selected.count()))
     }
 }
 

@@ -78,6 +78,8 @@ pub struct Session {
     pub moves_parts: bool,
     /// A handle under the mouse button.
     pub dragging: Option<Dragging>,
+    /// Where a rectangle begins in which is selected, pixels.
+    pub rectangle: Option<glam::DVec2>,
     /// What is drawn stays as it is, wherever the camera goes.
     pub is_frozen: bool,
     /// Another file is to be opened.
@@ -144,6 +146,7 @@ impl Session {
             messages,
             moves_parts: false,
             dragging: None,
+            rectangle: None,
             is_frozen: false,
             wanted_file: None,
             is_memory_changed: false,
@@ -182,6 +185,17 @@ impl Session {
     /// Is a search under way?
     pub fn is_searching(&self) -> bool {
         !self.search_text.trim().is_empty() && self.found_text.as_deref() != Some(self.search_text.trim())
+    }
+
+    /// Keeps what would be lost with it: views without a picture yet, a route that is recorded or nowhere else.
+    pub fn close(&mut self) {
+        self.save_wanted(None);
+        if self.is_recording() {
+            self.act_or_tell(&Action::Record { on: false });
+        }
+        if let Err(told) = self.keep_route() {
+            self.tell(told);
+        }
     }
 
     /// Tells a user something.
@@ -471,7 +485,7 @@ impl Session {
 
     fn rotate(&mut self, axis: AxisName, degrees: f64) -> Result<(), String> {
         let objects = self.selection()?;
-        let centre = self.middle_of_selection().ok_or("nothing is selected")?;
+        let centre = self.document.middle_of_selection().ok_or("nothing is selected")?;
         let turn = DQuat::from_axis_angle(axis.unit(), degrees.to_radians());
         self.document.move_by("Rotate", &objects, dragging::turn_about(centre, turn));
         Ok(())

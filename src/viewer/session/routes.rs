@@ -21,7 +21,7 @@ impl Session {
     }
 
     /// Writes a route that is nowhere else beside the scene, before another takes its place.
-    fn keep_route(&mut self) -> Result<(), String> {
+    pub(super) fn keep_route(&mut self) -> Result<(), String> {
         if self.is_route_saved || self.route.as_ref().is_none_or(|route| route.keyframes().is_empty()) {
             return Ok(());
         }

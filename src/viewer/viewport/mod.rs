@@ -34,6 +34,8 @@ pub use overlay::cube_side;
 use picking::Pick;
 pub use picking::{Purpose, found};
 
+/// Rays a pixel after which a still picture is not asked about any more: more would go on finding what is far smaller than a pixel.
+const ENOUGH_RAYS: f64 = 2.0;
 /// Samples of shadows after which a still picture is not drawn any more.
 const ENOUGH_SAMPLES: u32 = 256;
 
@@ -45,6 +47,8 @@ pub struct Viewport {
     /// Version of the document that is drawn.
     version: Option<u64>,
     marks: Marks,
+    /// The selection that is marked.
+    marked: Option<u64>,
     lighting: Lighting,
     up: DVec3,
     has_voxels: bool,
@@ -76,7 +80,10 @@ impl Viewport {
         let scene = Arc::clone(session.document.scene());
         let preferences = &session.preferences;
         let settings = WalkSettings {
-            query: CoherentSettings::new(RayMethod::Hybrid, preferences.rays_per_pixel),
+            query: CoherentSettings {
+                enough: ENOUGH_RAYS,
+                ..CoherentSettings::new(RayMethod::Hybrid, preferences.rays_per_pixel)
+            },
             lod: limits(session),
             stream: StreamSettings { budget: preferences.geometry_bytes, ..StreamSettings::default() },
             ..WalkSettings::default()
@@ -88,6 +95,7 @@ impl Viewport {
             texture: None,
             version: None,
             marks: Marks::default(),
+            marked: None,
             lighting: Lighting::sunny(Sun::default_direction(up)),
             up,
             has_voxels: false,
@@ -129,7 +137,7 @@ impl Viewport {
         if !is_same {
             self.changed = record.frame;
         }
-        // An answer about a frame since the last change: however long queries take.
+        // An answer about a frame since the last change, however long queries take.
         let is_answered = session.is_frozen || record.frame - record.age.min(record.frame) > self.changed;
         self.still = if is_same && is_answered { self.still + 1 } else { 0 };
         if let Some((_, before)) = self.last {
@@ -140,6 +148,7 @@ impl Viewport {
             visible: record.visible,
             drawn: record.drawn,
             missing: record.missing,
+            is_complete: record.is_complete,
             triangles: record.triangles,
             resident: record.resident,
             query_ms: record.query_ms,
@@ -205,10 +214,13 @@ impl Viewport {
             self.walk.set_frozen(session.is_frozen);
             self.frozen_camera = session.is_frozen.then(|| session.camera());
         }
-        self.marks.clear();
-        let scene = session.document.scene().scene();
-        for object in session.document.selected().iter() {
-            scene.object_drawables(object).for_each(|drawable| self.marks.set(drawable, SELECTED, true));
+        if self.marked != Some(session.document.selection_version()) {
+            self.marked = Some(session.document.selection_version());
+            self.marks.clear();
+            let scene = session.document.scene().scene();
+            for object in session.document.selected().iter() {
+                scene.object_drawables(object).for_each(|drawable| self.marks.set(drawable, SELECTED, true));
+            }
         }
         if std::mem::take(&mut session.is_check_wanted) {
             self.begin_check(session);
@@ -232,6 +244,13 @@ impl Viewport {
             None => renderer.register_native_texture(&window.device, view, filter),
         };
         self.texture = Some((id, targets.size));
+    }
+
+    /// Takes its picture away from the window, before another takes its place.
+    pub fn free(&mut self, window: &RenderState) {
+        if let Some((id, _)) = self.texture.take() {
+            window.renderer.write().free_texture(&id);
+        }
     }
 
     /// The texture of the picture.

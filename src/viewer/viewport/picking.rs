@@ -165,12 +165,24 @@ pub fn found(
         // Something thin, or the nearest thing beside the cursor: unless a coarse level stands before what the finest show there.
         Some(found) if found.pixel != at => refined(found).and_then(|picked| {
             let middle = found.pixel.as_dvec2() + 0.5;
-            if picked.is_confirmed { Some(picked) } else { opaque_at(shown, rays, middle).or(Some(picked)) }
+            if is_first(shown, rays, &picked) {
+                Some(picked)
+            } else {
+                opaque_at(shown, rays, middle).or(Some(picked))
+            }
         }),
         found => opaque_at(shown, rays, cursor).or_else(|| refined(found?)),
     };
     let glass = glass_at(shown, rays, cursor, drawn.map(|picked| picked.distance));
     glass.or(drawn)
+}
+
+/// Is nothing else that is opaque before what was picked, where things are shown?
+fn is_first(shown: &Shown, rays: &CameraRays, picked: &Picked) -> bool {
+    let from_eye = picked.point - rays.eye();
+    let towards = if rays.is_parallel() { rays.forward() } else { from_eye.normalize_or(rays.forward()) };
+    let ray = Ray { t_max: picked.distance, ..Ray::new(picked.point - picked.distance * towards, towards) };
+    shown.closest_through(&ray, |_| ()).is_none_or(|hit| hit.drawable == picked.drawable)
 }
 
 /// What of the opaque triangles is first at a place.
