@@ -470,7 +470,7 @@ pub fn describe(state: &State) -> String {
         (state.hidden.count() as usize, "hidden"),
         (state.seen_through.count() as usize, "x-rayed"),
         (state.motions.len(), "moved"),
-        (sections, "sections"),
+        (sections, if sections == 1 { "section" } else { "sections" }),
     ];
     let told = counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
     told.collect::<Vec<_>>().join(", ")

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use crate::gpu::clear::ClearBricks;
 use crate::moved::MovedVoxels;
-use crate::progress::Progress;
+use crate::progress::{CancelFlag, Progress};
 use crate::shown::Shown;
 
 use super::ShadowFault;
@@ -29,19 +29,6 @@ pub(super) struct CasterWorker {
     asked: Option<Arc<Shown>>,
     /// Something has changed since it began: it should stop.
     is_stale: Arc<AtomicBool>,
-}
-
-/// Stops the thread.
-struct Stop(Arc<AtomicBool>);
-
-impl Progress for Stop {
-    fn stage(&self, _: &str, _: u64, _: &str) {}
-
-    fn advance(&self, _: u64) {}
-
-    fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
 }
 
 impl Drop for CasterWorker {
@@ -75,9 +62,10 @@ impl CasterWorker {
         }
         let Some(shown) = self.asked.clone() else { return Ok(()) };
         self.is_stale = Arc::default();
-        let stop = Stop(Arc::clone(&self.is_stale));
+        let is_stale = Arc::clone(&self.is_stale);
         let (tell, told) = channel();
         std::thread::Builder::new().name("casters".into()).spawn(move || {
+            let stop = CancelFlag(&is_stale);
             let size = shown.scene().scene().grid().voxel_size;
             let moved = shown.moved().map_or(Ok(None), |moved| moved.voxels(size, &stop));
             let casters = (!stop.is_cancelled())

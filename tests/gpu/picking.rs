@@ -28,6 +28,26 @@ fn as_viewed() -> WalkSettings {
     WalkSettings { latency: Latency::None, ahead: 0.0, wait: true, ..WalkSettings::default() }
 }
 
+/// What a frame shows, to be picked from.
+struct Picture {
+    drawables: Vec<u32>,
+    /// Only their order counts.
+    depths: Vec<f32>,
+}
+
+impl Picture {
+    fn of(walk: &Walkthrough, context: &Context) -> Self {
+        let targets = walk.renderer().targets();
+        let reversed: Vec<f32> = targets.depth.read(context).unwrap();
+        let depths = reversed.iter().map(|reversed| -reversed).collect();
+        Picture { drawables: targets.drawable.read(context).unwrap(), depths }
+    }
+
+    fn image(&self) -> PickImage<'_> {
+        PickImage::new(&self.drawables, &self.depths, SIZE).unwrap()
+    }
+}
+
 /// Clicks at random pixels of frames from some directions. How many were made on something, and how many picked another object than
 /// the ray there meets; how many picked something that is shown where the ray just misses it.
 fn clicks(context: &Context, scene: &Arc<LoadedScene>, seed: u64) -> (u32, u32, u32) {
@@ -48,10 +68,8 @@ fn clicks(context: &Context, scene: &Arc<LoadedScene>, seed: u64) -> (u32, u32, 
         camera.eye = DVec3::from(camera.eye).lerp(camera.target.into(), near).into();
         settle(&mut walk, &camera, &look);
         let rays = camera.rays().unwrap();
-        let drawables: Vec<u32> = walk.renderer().targets().drawable.read(context).unwrap();
-        let reversed: Vec<f32> = walk.renderer().targets().depth.read(context).unwrap();
-        let depths: Vec<f32> = reversed.iter().map(|reversed| -reversed).collect();
-        let image = PickImage::new(&drawables, &depths, SIZE).unwrap();
+        let picture = Picture::of(&walk, context);
+        let image = picture.image();
         let object = |drawable: u32| scene.scene().drawable_object(drawable);
         for _ in 0..CLICKS / 4 {
             let cursor = DVec2::new(f64::from(random.below(SIZE.0)), f64::from(random.below(SIZE.1))) + 0.5;
@@ -142,10 +160,8 @@ fn clicks_beside_and_on_what_was_changed_pick_what_is_near_and_shown() {
     let look = Look { lighting: &lighting, up: DVec3::Y, marks: &marks, shadows: None, caps: false };
     settle(&mut walk, &camera, &look);
     let rays = camera.rays().unwrap();
-    let drawables: Vec<u32> = walk.renderer().targets().drawable.read(context).unwrap();
-    let reversed: Vec<f32> = walk.renderer().targets().depth.read(context).unwrap();
-    let depths: Vec<f32> = reversed.iter().map(|reversed| -reversed).collect();
-    let image = PickImage::new(&drawables, &depths, SIZE).unwrap();
+    let picture = Picture::of(&walk, context);
+    let image = picture.image();
     let object = |drawable: u32| scene.scene().drawable_object(drawable);
     let mut random = Random::new(17);
     let (mut hits, mut beside, mut moved) = (0, 0, 0);

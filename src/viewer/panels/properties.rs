@@ -118,8 +118,9 @@ fn sections(ui: &mut Ui, session: &mut Session) {
             if label.changed() {
                 done = Some((index, Done::Switched(is_on)));
             }
-            // Where the plane is along its normal.
+            // Where the plane is along its normal; of an axis, as the axis counts, whichever side is kept.
             let normal = section.plane.normal.normalize_or_zero();
+            let normal = if normal.element_sum() < 0.0 { -normal } else { normal };
             let before = normal.dot(section.plane.point);
             let mut at = before;
             let value = ui.add(DragValue::new(&mut at).speed(speed)).labelled_by(label.id);

@@ -11,7 +11,7 @@ use crate::camera::Camera;
 use crate::gpu::check::{Difference, Fault, compare, expected};
 use crate::gpu::target::TextureRead;
 use crate::gpu::{Context, GpuError};
-use crate::progress::Progress;
+use crate::progress::CancelFlag;
 use crate::shown::Shown;
 use crate::viewer::session::Session;
 
@@ -37,19 +37,6 @@ pub(super) struct Faults {
     texture: Option<TextureHandle>,
 }
 
-/// Cancels the check that has no progress to tell.
-struct Cancel(Arc<AtomicBool>);
-
-impl Progress for Cancel {
-    fn stage(&self, _: &str, _: u64, _: &str) {}
-
-    fn advance(&self, _: u64) {}
-
-    fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
 impl Drop for Checking {
     fn drop(&mut self) {
         self.is_cancelled.store(true, Ordering::Relaxed);
@@ -64,9 +51,9 @@ impl Checking {
             self.drawables = None;
             let Ok(rays) = self.camera.rays() else { return Ok(Some(Err("there is no camera".to_owned()))) };
             let (tell, found) = channel();
-            let (shown, cancel) = (Arc::clone(&self.shown), Cancel(Arc::clone(&self.is_cancelled)));
+            let (shown, is_cancelled) = (Arc::clone(&self.shown), Arc::clone(&self.is_cancelled));
             let work = move || {
-                let expected = expected(&shown, &rays, &cancel);
+                let expected = expected(&shown, &rays, &CancelFlag(&is_cancelled));
                 let found = expected.map(|expected| compare(&expected, &drawables, rays.size()));
                 // Nobody waits any more: the check was given up.
                 let _ = tell.send(found);

@@ -32,7 +32,7 @@ impl<'a> Overlay<'a> {
         Overlay { camera, screen: Screen::new(&camera, &Default::default()), area, painter }
     }
 
-    /// Names of what is selected and shown, with part numbers.
+    /// Names of what is selected and shown, with part numbers, and boxes around it: it may be behind something.
     pub fn labels(&self, session: &Session) {
         let (document, scene) = (&session.document, session.document.scene().scene());
         if document.selected().count() > MOST_LABELS {
@@ -43,11 +43,24 @@ impl<'a> Overlay<'a> {
                 continue;
             }
             let Some((min, max)) = document.bounds([object]) else { continue };
+            self.bounds(min, max);
             let node = &scene.nodes()[scene.objects()[object as usize].node as usize];
             let name = scene.name(node.name);
             match search::part_number(scene.name(node.extras)) {
                 Some(number) => self.label(0.5 * (min + max), &format!("{name}\n{number}")),
                 None => self.label(0.5 * (min + max), name),
+            }
+        }
+    }
+
+    fn bounds(&self, min: DVec3, max: DVec3) {
+        let corner = |i: usize| {
+            DVec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 1 { max[axis] } else { min[axis] }))
+        };
+        let stroke = Stroke::new(1.0, Color32::from_rgba_unmultiplied(255, 170, 60, 110));
+        for from in 0..8 {
+            for axis in (0..3).filter(|axis| from >> axis & 1 == 0) {
+                self.line(&[corner(from), corner(from | 1 << axis)], stroke);
             }
         }
     }
