@@ -34,7 +34,11 @@ fn section(ui: &mut Ui, title: &str, contents: impl FnOnce(&mut Ui)) {
 
 fn part(ui: &mut Ui, session: &Session, seen_of: SeenOf) {
     let Some(node) = session.current else {
-        ui.label("Click a part, or a row of the tree.");
+        let count = session.document.selected().count();
+        ui.label(match count {
+            0 => "Click a part, or a row of the tree.".to_owned(),
+            _ => format!("{} parts are selected.", grouped(count.into())),
+        });
         return;
     };
     let scene = Arc::clone(session.document.scene());
