@@ -35,7 +35,7 @@ impl View {
         let interrupt = Arc::new(Interrupt::default());
         let asked = Arc::clone(&interrupt);
         ctrlc::set_handler(move || {
-            if !asked.ask() {
+            if asked.ask() {
                 std::process::exit(1);
             }
         })

@@ -1,8 +1,8 @@
 //! The window: loading, panels, picture, keys and mouse.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use eframe::egui_wgpu::{RenderState, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
@@ -43,15 +43,18 @@ pub struct ViewerOptions {
 #[derive(Debug, Default)]
 pub struct Interrupt {
     is_asked: AtomicBool,
-    is_making: AtomicBool,
+    window: OnceLock<egui::Context>,
 }
 
 impl Interrupt {
-    /// The window is to be closed. Is a scene being made meanwhile? It is stopped then, and what is half-written removed; else the
-    /// program may end at once.
+    /// Asks the window to close: what would be lost is kept, what is half-written removed. Must the program end at once? There is no
+    /// window yet, or it was asked before.
     pub fn ask(&self) -> bool {
-        self.is_asked.store(true, Ordering::Relaxed);
-        self.is_making.load(Ordering::Relaxed)
+        let is_again = self.is_asked.swap(true, Ordering::Relaxed);
+        if let Some(window) = self.window.get() {
+            window.request_repaint();
+        }
+        is_again || self.window.get().is_none()
     }
 }
 
@@ -186,6 +189,7 @@ impl App {
             WindowLook::Light => egui::Theme::Light,
         };
         creation.egui_ctx.set_theme(look);
+        options.interrupt.window.get_or_init(|| creation.egui_ctx.clone());
         // A drag in the picture takes the keys away from a text field, as a click does.
         creation.egui_ctx.options_mut(|options| {
             options.input_options.surrender_focus_on = egui::SurrenderFocusOn::Presses;
@@ -258,7 +262,6 @@ impl eframe::App for App {
         let passed = self.frame_began.elapsed().min(LONGEST_FRAME);
         self.frame_began = Instant::now();
         self.follow_loading(&egui);
-        self.interrupt.is_making.store(matches!(self.stage, Stage::Loading(..)), Ordering::Relaxed);
         if self.interrupt.is_asked.load(Ordering::Relaxed) {
             egui.send_viewport_cmd(egui::ViewportCommand::Close);
         }

@@ -1,6 +1,6 @@
 //! The view cube: a small picture of the world's sides in the corner, to see and to choose where one looks from.
 //!
-//! Places are in half sides of the picture from its middle, x to the right and y up: the cube with half side [`HALF`] fits however it
+//! Places are in half sides of the picture from its middle, x to the right and y up: the cube fits however it
 //! is turned.
 
 use glam::{DMat3, DVec2, DVec3};
