@@ -15,7 +15,7 @@ use crate::scene::Scene;
 pub struct Find {
     /// The scene
     scene: PathBuf,
-    /// Part of a name, upper and lower case alike; with a `/` in it: part of a path
+    /// Part of a name, or of a value of the extras, upper and lower case alike; with a `/` in it: part of a path
     text: String,
     /// Print the matches as JSON
     #[arg(long)]

@@ -72,7 +72,7 @@ enum Command {
     Info(info::Info),
     /// Checks a scene to the last byte
     Verify(verify::Verify),
-    /// Finds objects by name or path
+    /// Finds objects by name, by a value of their extras such as a part number, or by path
     Find(find::Find),
     /// Asks what a camera sees
     Visible(visible::Visible),

@@ -27,7 +27,7 @@ pub fn bookmarks(ui: &mut Ui, session: &mut Session) {
 
 /// A menu in which a saved view gets another name.
 fn renamed(ui: &mut Ui, session: &mut Session, name: &str) {
-    ui.menu_button("\u{270f}", |ui| {
+    ui.menu_button("Rename", |ui| {
         let id = ui.scope_id().with(name);
         let mut text: String = ui.data(|data| data.get_temp(id)).unwrap_or_else(|| name.to_owned());
         let is_done = line(ui, &mut text, 160.0);

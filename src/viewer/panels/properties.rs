@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use egui::{CollapsingHeader, DragValue, Grid, ScrollArea, Ui};
 use glam::DVec3;
+use serde_json::Value;
 
 use super::{button, grouped, lists};
 use crate::viewer::action::{Action, AxisName};
@@ -77,11 +78,27 @@ fn part(ui: &mut Ui, session: &Session, seen_of: SeenOf) {
         line("Visible", seen);
         line("Pixels in view", grouped(pixels));
     });
-    let extras = all.name(record.extras);
-    if !extras.is_empty() {
-        ui.label("Extras");
-        ui.monospace(extras);
+    extras(ui, all.name(record.extras), width);
+}
+
+/// What the file tells of a part beside its shape: JSON, of which an object is listed.
+fn extras(ui: &mut Ui, text: &str, width: f32) {
+    if text.is_empty() {
+        return;
     }
+    ui.label("Extras");
+    let Ok(Value::Object(fields)) = serde_json::from_str(text) else {
+        ui.monospace(text);
+        return;
+    };
+    Grid::new("extras").num_columns(2).max_col_width(width).show(ui, |ui| {
+        for (name, value) in fields {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            ui.label(name);
+            ui.add(egui::Label::new(value).wrap());
+            ui.end_row();
+        }
+    });
 }
 
 fn moving(ui: &mut Ui, session: &mut Session) {
