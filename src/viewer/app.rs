@@ -64,6 +64,12 @@ pub enum ViewerError {
     /// The window system, or the graphics driver.
     #[error("the window cannot be opened: {0}")]
     Window(#[from] eframe::Error),
+    /// Nowhere to open it.
+    #[error(
+        "there is no display: neither DISPLAY nor WAYLAND_DISPLAY is set. On a machine without a screen, use `xvfb-run`, or \
+         `voxsight walk`, which needs none"
+    )]
+    NoDisplay,
     /// A script has failed.
     #[error("{0}")]
     Script(String),
@@ -75,6 +81,11 @@ pub enum ViewerError {
 ///
 /// There is no display, or no adapter that does; a script that fails.
 pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let displays = ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"];
+    if cfg!(target_os = "linux") && !displays.into_iter().any(is_set) {
+        return Err(ViewerError::NoDisplay);
+    }
     let outcome = Arc::new(std::sync::Mutex::new(None));
     let told = Arc::clone(&outcome);
     let size = [options.size.0 as f32, options.size.1 as f32];

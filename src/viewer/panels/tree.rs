@@ -62,8 +62,15 @@ fn search_line(ui: &mut Ui, session: &mut Session) {
         }
         let mut text = session.search_text.clone();
         let edit = TextEdit::singleline(&mut text).hint_text("Search by name or part number");
-        if ui.add_sized([ui.available_width(), ui.spacing().interact_size.y], edit).changed() {
+        let field = ui.add_sized([ui.available_width(), ui.spacing().interact_size.y], edit);
+        if field.changed() {
             session.search_for(&text);
+        }
+        // Enter takes the first that was found.
+        let is_done = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+        if is_done && let Some(&first) = session.tree.found().and_then(<[u32]>::first) {
+            session.select_node(first, false);
+            session.reveal(first);
         }
     });
 }

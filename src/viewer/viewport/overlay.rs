@@ -36,6 +36,10 @@ impl<'a> Overlay<'a> {
     pub fn labels(&self, session: &Session) {
         let (document, scene) = (&session.document, session.document.scene().scene());
         if document.selected().count() > MOST_LABELS {
+            // An assembly: the box around all of it.
+            if let Some((min, max)) = session.current.and_then(|node| document.node_bounds(node)) {
+                self.bounds(min, max);
+            }
             return;
         }
         for object in document.selected().iter() {
