@@ -331,8 +331,7 @@ impl App {
     /// Keeps what would be lost with an opened scene.
     fn close(&mut self) {
         if let Stage::Open(open) = &mut self.stage {
-            open.session.close();
-            open.session.messages.iter().rev().take(3).for_each(|told| eprintln!("{told}"));
+            open.session.close().iter().for_each(|told| eprintln!("{told}"));
             self.preferences = open.session.preferences.clone();
             open.viewport.free(&self.window);
         }

@@ -355,10 +355,11 @@ fn what_moves_the_camera_ends_a_route() {
     // And what is recorded when the window closes.
     session.advance(Duration::from_millis(100), &Motion::default());
     session.advance(Duration::from_millis(100), &Motion::default());
-    session.close();
+    let told = session.close();
+    assert!(told.iter().any(|told| told.contains("route-2.json")), "{told:?}");
     let second = session.path().with_extension("route-2.json");
     assert!(CameraPath::from_json(&std::fs::read_to_string(&second).unwrap(), None).is_ok());
-    session.close();
+    assert!(session.close().is_empty(), "nothing is left to be kept");
     assert!(!session.path().with_extension("route-3.json").exists(), "once");
 }
 

@@ -187,8 +187,11 @@ impl Session {
         !self.search_text.trim().is_empty() && self.found_text.as_deref() != Some(self.search_text.trim())
     }
 
-    /// Keeps what would be lost with it: views without a picture yet, a route that is recorded or nowhere else.
-    pub fn close(&mut self) {
+    /// Keeps what would be lost with it: views without a picture yet, a route that is recorded or nowhere else. What is told about that
+    /// nobody will read in the window.
+    #[must_use]
+    pub fn close(&mut self) -> Vec<String> {
+        let before = std::mem::take(&mut self.messages);
         self.save_wanted(None);
         if self.is_recording() {
             self.act_or_tell(&Action::Record { on: false });
@@ -196,6 +199,7 @@ impl Session {
         if let Err(told) = self.keep_route() {
             self.tell(told);
         }
+        std::mem::replace(&mut self.messages, before)
     }
 
     /// Tells a user something.
