@@ -7,9 +7,10 @@ use serde_json::json;
 
 use super::Failure;
 use super::numbers::{Length, metres_of_unit, parse_bytes, parse_length, parse_resolution, parse_unit};
-use super::output::{check_output, human_bytes, human_count, print_json, print_out, write_json};
+use super::output::{check_output, human_bytes, print_json, print_out, write_json};
 use super::progress::TerminalProgress;
 use crate::container::{Axis, Source};
+use crate::human::grouped;
 use crate::import::{ImportOptions, Imported, import};
 use crate::prepare::memory::MemoryGuard;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
@@ -73,12 +74,7 @@ impl Build {
         imported.note_guesses(self.unit.is_some(), self.up.is_some());
         let import_seconds = started.elapsed().as_secs_f64();
         let settings = self.settings(&imported);
-        let sources = imported.sources.iter().map(|source| Source {
-            name: source.name.clone(),
-            bytes: source.bytes,
-            xxh3: format!("{:016x}", source.xxh3),
-        });
-        let sources = sources.collect();
+        let sources = imported.sources.iter().map(Source::from).collect();
         let outcome = build(imported.model, sources, imported.findings, &settings, &self.output, progress)?;
         progress.finish();
         let report = report(&outcome, import_seconds, &self.output)?;
@@ -136,15 +132,15 @@ fn report(outcome: &BuildOutcome, import_seconds: f64, output: &Path) -> Result<
 fn print_summary(outcome: &BuildOutcome, seconds: f64, output: &Path) -> Result<(), Failure> {
     let counts = &outcome.meta.counts;
     for (what, finding) in &outcome.report.findings.0 {
-        print_out!("{} {what} (first: {})", human_count(finding.count), finding.first)?;
+        print_out!("{} {what} (first: {})", grouped(finding.count), finding.first)?;
     }
     print_out!(
         "{}: {} objects, {} triangles placed ({} stored), {} voxels at {}^3",
         output.display(),
-        human_count(counts.objects),
-        human_count(counts.placed_triangles),
-        human_count(counts.unique_triangles),
-        human_count(outcome.meta.dag.voxel_count),
+        grouped(counts.objects),
+        grouped(counts.placed_triangles),
+        grouped(counts.unique_triangles),
+        grouped(outcome.meta.dag.voxel_count),
         outcome.meta.settings.resolution
     )?;
     let peak = outcome.stages.iter().filter_map(|stage| stage.peak_bytes).max();

@@ -9,10 +9,11 @@ use serde::Serialize;
 
 use super::Failure;
 use super::numbers::{parse_resolution, parse_size};
-use super::output::{human_bytes, human_count, print_out, write_json, write_png};
+use super::output::{human_bytes, print_out, write_json, write_png};
 use super::progress::TerminalProgress;
 use crate::camera::{Camera, CameraRays, Projection};
 use crate::container::Axis;
+use crate::human::grouped;
 use crate::loaded::LoadedScene;
 use crate::prepare::{BuildOutcome, BuildSettings, Resolution, build};
 use crate::progress::Progress;
@@ -171,11 +172,11 @@ fn summary(
     print_out!(
         "A plant of {} objects and {} triangles ({} stored once), built in {build_seconds:.1} s:\n\
          {}, {} voxels at {}^3.\n",
-        human_count(counts.objects),
-        human_count(counts.placed_triangles),
-        human_count(counts.unique_triangles),
+        grouped(counts.objects),
+        grouped(counts.placed_triangles),
+        grouped(counts.unique_triangles),
         human_bytes(scene_bytes),
-        human_count(outcome.meta.dag.voxel_count),
+        grouped(outcome.meta.dag.voxel_count),
         outcome.meta.settings.resolution,
     )?;
     print_out!(
@@ -191,7 +192,7 @@ fn summary(
         print_out!(
             "{:<9} {:>8} {:>8.1} ms {:>15.2} % {:>11.2} % {:>11.4} % {:>16.2} %",
             format!("{:?}", row.method).to_lowercase(),
-            human_count(row.visible as u64),
+            grouped(row.visible as u64),
             row.milliseconds,
             100.0 * row.accuracy.wrongly_hidden_rate(),
             100.0 * large,

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::numbers::parse_count;
-use super::output::{human_bytes, human_count, print_out};
+use super::output::{human_bytes, print_out};
 use super::progress::TerminalProgress;
 use super::{Failure, usage};
+use crate::human::grouped;
 use crate::import::{ImportOptions, UpAxis, import};
 use crate::sample::{CopiesSettings, PlantSettings, WriteSummary, write_copies, write_plant};
 
@@ -75,11 +76,13 @@ impl Generate {
 }
 
 fn print_summary(summary: &WriteSummary) -> Result<(), Failure> {
+    let files = summary.files.len() as u64;
     print_out!(
-        "{} files, {}: {} objects, {} triangles",
-        human_count(summary.files.len() as u64),
+        "{} {}, {}: {} objects, {} triangles",
+        grouped(files),
+        if files == 1 { "file" } else { "files" },
         human_bytes(summary.bytes),
-        human_count(summary.objects),
-        human_count(summary.triangles)
+        grouped(summary.objects),
+        grouped(summary.triangles)
     )
 }

@@ -6,8 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::Failure;
-use super::output::{human_bytes, human_count, print_json, print_out};
+use super::output::{human_bytes, print_json, print_out};
 use crate::container::layout::{LevelRecord, NONE, SectionKind};
+use crate::human::grouped;
 use crate::scene::Scene;
 use crate::streaming::PageLayout;
 
@@ -16,7 +17,7 @@ use crate::streaming::PageLayout;
 pub struct Info {
     /// The scene
     scene: PathBuf,
-    /// Print the assembly tree
+    /// Print the assembly tree; nodes with geometry are marked *
     #[arg(long)]
     tree: bool,
     /// Print everything as JSON
@@ -102,14 +103,14 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
     }
     print_out!(
         "model       {} objects, {} parts, {} tree nodes",
-        human_count(counts.objects),
-        human_count(counts.parts),
-        human_count(counts.nodes)
+        grouped(counts.objects),
+        grouped(counts.parts),
+        grouped(counts.nodes)
     )?;
     print_out!(
         "triangles   {} placed, {} stored",
-        human_count(counts.placed_triangles),
-        human_count(counts.unique_triangles)
+        grouped(counts.placed_triangles),
+        grouped(counts.unique_triangles)
     )?;
     print_out!(
         "size        {:.6} x {:.6} x {:.6} {unit}, {:?} up",
@@ -118,12 +119,13 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
         size[2],
         meta.settings.up
     )?;
-    print_out!("bounds      {:?} to {:?}", meta.bounds.min, meta.bounds.max)?;
+    let corner = |[x, y, z]: [f64; 3]| format!("[{x:.6}, {y:.6}, {z:.6}]");
+    print_out!("bounds      {} to {}", corner(meta.bounds.min), corner(meta.bounds.max))?;
     print_out!(
         "geometry    {} in {} levels of {} chunks, {:.2} bytes a stored triangle",
         human_bytes(geometry),
-        human_count(counts.levels),
-        human_count(counts.chunks),
+        grouped(counts.levels),
+        grouped(counts.chunks),
         geometry as f64 / counts.unique_triangles.max(1) as f64
     )?;
     let (finest, all) = resident_bytes(scene);
@@ -141,8 +143,8 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
         "voxels      {}^3 of {:.6} {unit}: {} occupied in {} bricks",
         meta.settings.resolution,
         meta.grid.voxel_size,
-        human_count(meta.dag.voxel_count),
-        human_count(meta.dag.brick_count)
+        grouped(meta.dag.voxel_count),
+        grouped(meta.dag.brick_count)
     )?;
     print_out!(
         "dag         {} ({:.3} bits a voxel), owners {} ({:.2} bytes a brick)",
@@ -155,7 +157,7 @@ fn print_summary(scene: &Scene) -> Result<(), Failure> {
         print_out!("repairs     none")?;
     }
     for (what, finding) in &scene.report().findings.0 {
-        print_out!("repairs     {} {what} (first: {})", human_count(finding.count), finding.first)?;
+        print_out!("repairs     {} {what} (first: {})", grouped(finding.count), finding.first)?;
     }
     Ok(())
 }

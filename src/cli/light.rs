@@ -171,7 +171,8 @@ fn read_areas(path: &Path) -> Result<Vec<AreaLight>, Failure> {
     let told = |what: String| -> Failure {
         format!("{}: {what}; expected a list such as {EXAMPLE}", path.display()).into()
     };
-    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: cannot read: {e}", path.display()))?;
+    let text =
+        std::fs::read_to_string(path).map_err(|e| format!("{}: cannot be read: {e}", path.display()))?;
     let areas: Vec<AreaFile> = serde_json::from_str(&text).map_err(|error| told(error.to_string()))?;
     let area = |(number, area): (usize, AreaFile)| {
         let AreaFile { corner, edge_u, edge_v, radiance } = area;

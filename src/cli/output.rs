@@ -69,7 +69,7 @@ pub fn read_camera(path: &Path) -> Result<Camera, Failure> {
     const EXAMPLE: &str =
         r#"{"eye":[x,y,z],"target":[x,y,z],"up":[x,y,z],"fov_y_deg":60,"width":1024,"height":1024}"#;
     let text =
-        fs::read_to_string(path).map_err(|error| format!("{}: cannot read: {error}", path.display()))?;
+        fs::read_to_string(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
     serde_json::from_str(&text)
         .map_err(|error| format!("{}: {error}; expected a camera such as {EXAMPLE}", path.display()).into())
 }
@@ -109,18 +109,6 @@ pub fn human_bytes(bytes: u64) -> String {
     if unit == "B" { format!("{bytes} B") } else { format!("{value:.2} {unit}") }
 }
 
-/// A count for people: 1,234,567.
-pub fn human_count(count: u64) -> String {
-    let digits = count.to_string();
-    let groups: Vec<&str> = digits
-        .as_bytes()
-        .rchunks(3)
-        .rev()
-        .map(|group| std::str::from_utf8(group).unwrap_or_default())
-        .collect();
-    groups.join(",")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -148,8 +136,6 @@ mod tests {
 
     #[test]
     fn numbers_read_well() {
-        assert_eq!(human_count(0), "0");
-        assert_eq!(human_count(1_234_567), "1,234,567");
         assert_eq!(human_bytes(999), "999 B");
         assert_eq!(human_bytes(12_345_678), "12.35 MB");
     }

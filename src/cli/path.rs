@@ -14,7 +14,7 @@ const FRAME_DIGITS: usize = 4;
 /// Reads a path; `size` replaces the size of its cameras.
 pub fn read_path(file: &Path, size: Option<(u32, u32)>) -> Result<CameraPath, Failure> {
     let told = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-    let text = std::fs::read_to_string(file).map_err(|error| told(&error))?;
+    let text = std::fs::read_to_string(file).map_err(|error| told(&format!("cannot be read: {error}")))?;
     Ok(CameraPath::from_json(&text, size).map_err(|error| told(&error))?)
 }
 

@@ -10,12 +10,13 @@ use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 use super::light::{KeyName, LightFlags, SkyName};
 use super::numbers::{parse_frames, parse_rays, parse_size};
-use super::output::{check_output, human_bytes, human_count, print_out, read_camera, write_json};
+use super::output::{check_output, human_bytes, print_out, read_camera, write_json};
 use super::path::{FRAME, frame_name, read_views};
 use super::progress::TerminalProgress;
 use super::shadow_report::shadow_report;
 use super::{Failure, usage};
 use crate::camera::Camera;
+use crate::human::grouped;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::render::file::{
@@ -299,7 +300,7 @@ fn tell_cost(cost: &ShadowCost) -> Result<(), Failure> {
         if rays > 0 && time > 0.0 {
             let name = kind.name();
             let rate = rays as f64 / time * 1e-6;
-            print_out!("{name}: {} shadow rays, {rate:.2} M a second and thread", human_count(rays))?;
+            print_out!("{name}: {} shadow rays, {rate:.2} M a second and thread", grouped(rays))?;
         }
     }
     Ok(())

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Failure;
-use super::output::{human_bytes, human_count, print_json, print_out};
+use super::output::{human_bytes, print_json, print_out};
 use super::progress::TerminalProgress;
+use crate::human::grouped;
 
 /// Flags of `verify`.
 #[derive(Args)]
@@ -29,8 +30,8 @@ impl Verify {
             "{} is sound: {}, {} pages, {} triangles in all levels",
             self.scene.display(),
             human_bytes(report.file_bytes),
-            human_count(report.pages),
-            human_count(report.triangles)
+            grouped(report.pages),
+            grouped(report.triangles)
         )?;
         Ok(())
     }

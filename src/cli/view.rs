@@ -30,7 +30,8 @@ pub struct View {
 impl View {
     pub fn run(self) -> Result<(), Failure> {
         // Before a window opens that would only close again.
-        std::fs::metadata(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
+        std::fs::metadata(&self.file)
+            .map_err(|error| format!("{}: cannot be read: {error}", self.file.display()))?;
         let script = self.script.as_deref().map(Script::read).transpose()?;
         let interrupt = Arc::new(Interrupt::default());
         let asked = Arc::clone(&interrupt);

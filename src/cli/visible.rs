@@ -7,10 +7,11 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::Failure;
-use super::output::{check_output, human_count, print_out, write_json};
+use super::output::{check_output, print_out, write_json};
 use super::progress::TerminalProgress;
 use super::render::camera_or_overview;
 use crate::camera::CameraRays;
+use crate::human::grouped;
 use crate::loaded::LoadedScene;
 use crate::progress::Progress;
 use crate::scene::Scene;
@@ -139,13 +140,13 @@ impl Visible {
         }
         let spared = match answer.weight.saturating_sub(answer.rays) {
             0 => String::new(),
-            spared => format!(" ({} spared)", human_count(spared)),
+            spared => format!(" ({} spared)", grouped(spared)),
         };
         print_out!(
             "{} of {} objects visible, {} rays{spared} in {elapsed_ms:.1} ms",
-            human_count(objects.len() as u64),
-            human_count(scene.objects().len() as u64),
-            human_count(answer.rays),
+            grouped(objects.len() as u64),
+            grouped(scene.objects().len() as u64),
+            grouped(answer.rays),
         )?;
         if objects.is_empty() {
             let bounds = scene.meta().bounds;
@@ -203,8 +204,8 @@ fn print_accuracy(checked: &Accuracy) -> Result<(), Failure> {
     print_out!(
         "wrongly hidden    {:.3} % of drawables ({} of {}), lost pixels {:.4} %",
         100.0 * checked.wrongly_hidden_rate(),
-        human_count(checked.wrongly_hidden),
-        human_count(checked.reference),
+        grouped(checked.wrongly_hidden),
+        grouped(checked.reference),
         100.0 * checked.lost_pixels
     )?;
     for class in &checked.classes {
@@ -212,15 +213,15 @@ fn print_accuracy(checked: &Accuracy) -> Result<(), Failure> {
             "  of at least {:>2} px {:.3} % ({} of {})",
             class.at_least_px,
             100.0 * class.rate(),
-            human_count(class.wrongly_hidden),
-            human_count(class.reference)
+            grouped(class.wrongly_hidden),
+            grouped(class.reference)
         )?;
     }
     print_out!(
         "needlessly drawn  {:.3} % of drawables ({} of {}), {} triangles",
         100.0 * checked.needlessly_drawn_rate(),
-        human_count(checked.needlessly_drawn),
-        human_count(checked.answer),
-        human_count(checked.needless_triangles)
+        grouped(checked.needlessly_drawn),
+        grouped(checked.answer),
+        grouped(checked.needless_triangles)
     )
 }

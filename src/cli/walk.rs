@@ -9,16 +9,17 @@ use image::RgbaImage;
 
 use super::light::LightFlags;
 use super::numbers::{metres_of_unit, parse_bytes, parse_count, parse_frames, parse_size};
-use super::output::{check_output, human_bytes, human_count, print_json, print_out, write_png, write_whole};
+use super::output::{check_output, human_bytes, print_json, print_out, write_png, write_whole};
 use super::path::{FRAME, frame_name, read_views};
 use super::progress::TerminalProgress;
-use super::walk_summary::{Checked, Summary};
+use super::walk_summary::{Checked, SETTLING, Summary};
 use super::{Failure, usage};
 use crate::camera::Camera;
 use crate::gpu::check::{compare, expected};
 use crate::gpu::marks::Marks;
 use crate::gpu::shadow::ShadowSettings;
 use crate::gpu::{Context, ContextSettings};
+use crate::human::grouped;
 use crate::lab::space::Space;
 use crate::lab::views::{View, ViewSettings};
 use crate::lab::walk::walk;
@@ -357,9 +358,9 @@ fn print_summary(summary: &Summary, flags: &Walk) -> Result<(), Failure> {
     }
     print_out!(
         "triangles: {} a frame, at most {} of {}; missing drawables: {} in all, {} later than 3 frames after a cut",
-        human_count(summary.triangles_mean),
-        human_count(summary.triangles_most),
-        human_count(flags.triangles),
+        grouped(summary.triangles_mean),
+        grouped(summary.triangles_most),
+        grouped(flags.triangles),
         summary.missing,
         summary.missing_late
     )?;
@@ -369,12 +370,18 @@ fn print_summary(summary: &Summary, flags: &Walk) -> Result<(), Failure> {
     if let Some(check) = &summary.check {
         print_out!(
             "against exact: {:.4} % of the pixels differ (worst frame {:.4} %), {:.4} % away from silhouettes; {} drawables of 16 pixels \
-             and more lost in all",
+             and more lost in all frames",
             100.0 * check.differ_mean,
             100.0 * check.differ_worst,
             100.0 * check.off_silhouettes_mean,
             check.lost
         )?;
+        if let Some(settling) = check.differ_after_cuts {
+            print_out!(
+                "(without cuts and the {SETTLING} frames after each: there {:.4} % differ)",
+                100.0 * settling
+            )?;
+        }
     }
     Ok(())
 }

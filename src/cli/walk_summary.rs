@@ -9,7 +9,7 @@ use crate::lab::statistics::nearest_rank;
 use crate::walkthrough::FrameRecord;
 
 /// Frames after a cut in which something may still be missing.
-const SETTLING: u64 = 3;
+pub const SETTLING: u64 = 3;
 /// Frames after a cut from which on motion is smooth.
 const SMOOTH: u64 = 30;
 
@@ -31,10 +31,12 @@ pub struct Stage {
 /// How all frames compare with `exact`.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct CheckSummary {
-    /// Shares of the pixels of a frame.
+    /// Shares of the pixels of a frame later than [`SETTLING`] frames after a cut.
     pub differ_mean: f64,
     pub differ_worst: f64,
     pub off_silhouettes_mean: f64,
+    /// Share of the pixels of a cut or of a frame that soon after one, when pages are still to come.
+    pub differ_after_cuts: Option<f64>,
     /// Drawables of at least 16 pixels, frame by frame.
     pub lost: u64,
 }
@@ -161,14 +163,26 @@ impl Summary {
             }
         }
         self.written_share_in_motion = (smooth_frames > 0).then(|| shares / smooth_frames as f64);
-        let checks = self.checks.len().max(1) as f64;
+        self.check = self.checked();
+    }
+    /// How the frames compare that were compared.
+    fn checked(&self) -> Option<CheckSummary> {
+        let mut since_cut = 0;
+        let (mut settled, mut settling) = (Vec::new(), Vec::new());
+        for (record, check) in self.records.iter().zip(&self.checks) {
+            since_cut = if record.is_cut { 0 } else { since_cut + 1 };
+            if since_cut > SETTLING { settled.push(check) } else { settling.push(check) }
+        }
         let share = |part: u64, check: &Difference| part as f64 / check.pixels.max(1) as f64;
-        self.check = (!self.checks.is_empty()).then(|| CheckSummary {
-            differ_mean: self.checks.iter().map(|c| share(c.differ, c)).sum::<f64>() / checks,
-            differ_worst: self.checks.iter().map(|c| share(c.differ, c)).fold(0.0, f64::max),
-            off_silhouettes_mean: self.checks.iter().map(|c| share(c.off_silhouettes, c)).sum::<f64>()
-                / checks,
-            lost: self.checks.iter().map(|c| c.lost).sum(),
-        });
+        let mean = |checks: &[&Difference], of: fn(&Difference) -> u64| {
+            checks.iter().map(|check| share(of(check), check)).sum::<f64>() / checks.len().max(1) as f64
+        };
+        (!self.checks.is_empty()).then(|| CheckSummary {
+            differ_mean: mean(&settled, |check| check.differ),
+            differ_worst: settled.iter().map(|check| share(check.differ, check)).fold(0.0, f64::max),
+            off_silhouettes_mean: mean(&settled, |check| check.off_silhouettes),
+            differ_after_cuts: (!settling.is_empty()).then(|| mean(&settling, |check| check.differ)),
+            lost: self.checks.iter().map(|check| check.lost).sum(),
+        })
     }
 }

@@ -45,7 +45,7 @@ pub enum Problem {
     #[error("is not a regular file: give the path of a .vxs file")]
     NotAFile,
     /// The first bytes are not a container's.
-    #[error("is not a Voxsight container: {0}")]
+    #[error("is not a Voxsight scene: {0}")]
     NotAContainer(&'static str),
     /// Made by an older or newer program.
     #[error(

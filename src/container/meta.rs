@@ -50,10 +50,13 @@ impl Generator {
 pub struct Source {
     /// File name or path below the input folder, `/` between folders: the same on every machine.
     pub name: String,
-    /// Length of the file.
+    /// Length of the file, with those it refers to.
     pub bytes: u64,
     /// XXH3-64 of the file, 16 hexadecimal digits.
     pub xxh3: String,
+    /// The files that it refers to, also those that were not there: relative to its folder, `/` between folders.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub referred: Vec<String>,
 }
 
 impl Source {
@@ -61,7 +64,12 @@ impl Source {
     pub fn of(name: impl Into<String>, content: &[u8]) -> Self {
         let mut hash = Xxh3::new();
         hash.update(content);
-        Source { name: name.into(), bytes: content.len() as u64, xxh3: format!("{:016x}", hash.digest()) }
+        Source {
+            name: name.into(),
+            bytes: content.len() as u64,
+            xxh3: format!("{:016x}", hash.digest()),
+            referred: Vec::new(),
+        }
     }
 }
 

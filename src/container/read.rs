@@ -271,10 +271,10 @@ impl Container {
 fn map_file(path: &Path) -> Result<Mmap, Problem> {
     let io = |doing| move |source| Problem::Io { doing, source };
     // Asked before opening: opening a named pipe would wait for its writer.
-    if !std::fs::metadata(path).map_err(io("open"))?.is_file() {
+    if !std::fs::metadata(path).map_err(io("be read"))?.is_file() {
         return Err(Problem::NotAFile);
     }
-    let file = File::open(path).map_err(io("open"))?;
+    let file = File::open(path).map_err(io("be read"))?;
     map::map(&file).map_err(io("map into memory"))
 }
 

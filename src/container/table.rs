@@ -164,20 +164,17 @@ fn entry_damage(kind: SectionKind, expected: String, found: String) -> Damage {
 /// What a file that is no container seems to be, and what to do about it.
 fn guess_format(bytes: &[u8]) -> &'static str {
     const MODELS: [(&[u8], &str); 8] = [
-        (b"glTF", "it looks like a GLB model: build a container from it first with `voxsight build`"),
-        (b"ply", "it looks like a PLY model: build a container from it first with `voxsight build`"),
-        (b"solid", "it looks like an STL model: build a container from it first with `voxsight build`"),
-        (b"#", "it looks like an OBJ model: build a container from it first with `voxsight build`"),
-        (b"v ", "it looks like an OBJ model: build a container from it first with `voxsight build`"),
-        (b"mtllib", "it looks like an OBJ model: build a container from it first with `voxsight build`"),
+        (b"glTF", "it looks like a GLB model: build a scene from it first with `voxsight build`"),
+        (b"ply", "it looks like a PLY model: build a scene from it first with `voxsight build`"),
+        (b"solid", "it looks like an STL model: build a scene from it first with `voxsight build`"),
+        (b"#", "it may be an OBJ model: build a scene from it first with `voxsight build`"),
+        (b"v ", "it looks like an OBJ model: build a scene from it first with `voxsight build`"),
+        (b"mtllib", "it looks like an OBJ model: build a scene from it first with `voxsight build`"),
         (
             b"{",
-            "it looks like JSON: if it is a glTF model, build a container from it first with `voxsight build`",
+            "it looks like JSON: if it is a glTF model, build a scene from it first with `voxsight build`",
         ),
-        (
-            b"PK\x03\x04",
-            "it looks like a ZIP archive: unpack it, and build a container from the model inside",
-        ),
+        (b"PK\x03\x04", "it looks like a ZIP archive: unpack it, and build a scene from the model inside"),
     ];
     if bytes.is_empty() {
         return "it is empty: build it again with `voxsight build`";

@@ -93,8 +93,9 @@ impl Context {
     ///
     /// There is none, or it does not do.
     pub fn new(settings: &ContextSettings) -> Result<Self, GpuError> {
-        let descriptor = InstanceDescriptor::new_without_display_handle_from_env();
-        let backends = descriptor.backends;
+        let backends = backends();
+        let descriptor =
+            InstanceDescriptor { backends, ..InstanceDescriptor::new_without_display_handle_from_env() };
         let instance = Instance::new(descriptor);
         let adapter = pollster::block_on(find_adapter(&instance, backends, settings))?;
         Self::with_adapter(&adapter, settings)
@@ -273,6 +274,12 @@ impl Context {
 /// Keeps the first fault: what follows is mostly its consequence.
 fn note(fault: &Mutex<Option<GpuError>>, text: String) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(GpuError::Failed(text));
+}
+
+/// What is looked for: what `WGPU_BACKEND` says, else Vulkan, Metal, Direct3D 12. OpenGL lacks what is needed, takes long to start, and
+/// complains on stderr.
+pub fn backends() -> Backends {
+    Backends::from_env().unwrap_or(Backends::PRIMARY)
 }
 
 async fn find_adapter(

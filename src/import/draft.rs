@@ -119,11 +119,20 @@ pub(super) struct Draft {
 #[derive(Default)]
 pub(super) struct Referred {
     pub bytes: u64,
+    /// Relative to the model's folder, `/` between folders; also those that were not found.
+    pub names: Vec<String>,
     /// Of each file, in the order of first use.
     hashes: Vec<u64>,
 }
 
 impl Referred {
+    /// A file that was looked for.
+    pub fn name(&mut self, path: &Path) {
+        let folders: Vec<_> = path.iter().map(|name| name.to_string_lossy()).collect();
+        self.names.push(folders.join("/"));
+    }
+
+    /// One that was found.
     pub fn add(&mut self, content: &[u8]) {
         self.bytes += content.len() as u64;
         self.hashes.push(xxh3_64(content));

@@ -41,7 +41,7 @@ use rayon::prelude::*;
 
 use assembly::Assembly;
 pub use detect::Format;
-use draft::{Draft, Source};
+use draft::{Draft, Referred, Source};
 pub use error::ImportError;
 use files::Entry;
 
@@ -95,6 +95,19 @@ pub struct SourceFile {
     pub format: Format,
     /// XXH3-64 of the file; if it refers to others, of its hash and theirs, each as 8 bytes, in the order of use.
     pub xxh3: u64,
+    /// The files that it refers to, also those that are not there: relative to its folder, `/` between folders.
+    pub referred: Vec<String>,
+}
+
+impl From<&SourceFile> for crate::container::meta::Source {
+    fn from(source: &SourceFile) -> Self {
+        crate::container::meta::Source {
+            name: source.name.clone(),
+            bytes: source.bytes,
+            xxh3: format!("{:016x}", source.xxh3),
+            referred: source.referred.clone(),
+        }
+    }
 }
 
 /// What was imported.
@@ -226,7 +239,8 @@ fn read(
     let size = bytes.len() as u64;
     progress.advance(size);
     let xxh3 = draft.referred.hash_with(&bytes);
-    let source = SourceFile { name: name.clone(), bytes: size + draft.referred.bytes, format, xxh3 };
+    let Referred { bytes: more, names: referred, .. } = std::mem::take(&mut draft.referred);
+    let source = SourceFile { name: name.clone(), bytes: size + more, format, xxh3, referred };
     Ok(Some(ReadFile { source, draft }))
 }
 

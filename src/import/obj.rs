@@ -260,6 +260,9 @@ impl<'a> Obj<'a> {
             return self.count("material libraries skipped: more than 64", 1, || format!(": \"{file}\""));
         }
         self.libraries.push(file.to_owned());
+        if let Ok(path) = files::resolve(self.source, file) {
+            self.draft.referred.name(&path);
+        }
         match files::read_beside(self.source, file) {
             Ok(library) => {
                 self.draft.referred.add(&library);

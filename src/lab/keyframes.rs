@@ -2,10 +2,12 @@
 //!
 //! `{"keyframes":[{"t":0.0, ...camera...}, ...], "fps":30}`; a plain list of cameras is a path with a second between
 //! two of them. Eye and target follow a Catmull-Rom spline through the keyframes (its tangents weighted by time, so that
-//! uneven keyframes make no overshoot in time); a keyframe with `"cut":true` jumps.
+//! uneven keyframes make no overshoot in time); a keyframe with `"cut":true` jumps. What a keyframe does not say (`up`, `fov_y_deg` or
+//! `ortho_height`, `width`, `height`) is as in the one before.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::views::View;
 use crate::camera::{Camera, CameraError, Projection};
@@ -39,7 +41,8 @@ pub enum PathError {
     /// Not JSON, or not a path.
     #[error(
         "{0}; expected {{\"keyframes\":[{{\"t\":0.0,\"eye\":[x,y,z],\"target\":[x,y,z],\"up\":[x,y,z],\
-         \"fov_y_deg\":60,\"width\":1024,\"height\":1024}}, ...],\"fps\":30}}, or a list of cameras"
+         \"fov_y_deg\":60,\"width\":1024,\"height\":1024}}, {{\"t\":1.0,\"eye\":[x,y,z],\"target\":[x,y,z]}}, ...],\
+         \"fps\":30}}, or a list of cameras"
     )]
     Json(#[from] serde_json::Error),
     /// No keyframe.
@@ -74,14 +77,14 @@ pub enum PathError {
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum PathFile {
-    Cameras(Vec<Camera>),
+    Cameras(Vec<Value>),
     Path(KeyframeFile),
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct KeyframeFile {
-    keyframes: Vec<serde_json::Value>,
+    keyframes: Vec<Value>,
     #[serde(default = "default_fps")]
     fps: f64,
 }
@@ -139,13 +142,20 @@ impl CameraPath {
     /// It is not a path, or one that cannot be walked.
     pub fn from_json(text: &str, size: Option<(u32, u32)>) -> Result<Self, PathError> {
         let mut path = match serde_json::from_str(text)? {
-            PathFile::Cameras(cameras) => {
-                let times = (0..).map(f64::from);
-                let keyframes = times.zip(cameras).map(|(t, camera)| Keyframe { t, camera, cut: false });
-                CameraPath { keyframes: keyframes.collect(), fps: DEFAULT_FPS }
+            PathFile::Cameras(mut cameras) => {
+                inherit(&mut cameras, size);
+                let cameras = cameras.into_iter().enumerate().map(|(index, value)| camera(index, value));
+                let timed = |(t, camera): (u32, Result<Camera, _>)| {
+                    Ok(Keyframe { t: t.into(), camera: camera?, cut: false })
+                };
+                let keyframes: Result<_, PathError> = (0..).zip(cameras).map(timed).collect();
+                CameraPath { keyframes: keyframes?, fps: DEFAULT_FPS }
             }
-            PathFile::Path(file) => {
-                let keyframes: Result<_, _> = file.keyframes.into_iter().map(keyframe).collect();
+            PathFile::Path(mut file) => {
+                inherit(&mut file.keyframes, size);
+                let keyframes = file.keyframes.into_iter().enumerate();
+                let keyframes: Result<_, _> =
+                    keyframes.map(|(index, value)| keyframe(index, value)).collect();
                 CameraPath { keyframes: keyframes?, fps: file.fps }
             }
         };
@@ -262,13 +272,45 @@ pub fn between(
 }
 
 /// A keyframe is a camera with two more fields; cameras refuse fields that they do not know.
-fn keyframe(mut value: serde_json::Value) -> Result<Keyframe, serde_json::Error> {
-    use serde::de::Error;
-    let fields = value.as_object_mut().ok_or_else(|| serde_json::Error::custom("a keyframe is no object"))?;
+fn keyframe(index: usize, mut value: Value) -> Result<Keyframe, PathError> {
+    let Some(fields) = value.as_object_mut() else { return Err(wrong(index, "it is no object")) };
     let t = fields.remove("t").and_then(|t| t.as_f64());
-    let t = t.ok_or_else(|| serde_json::Error::custom("a keyframe has no time \"t\""))?;
-    let cut = fields.remove("cut").map_or(Ok(false), serde_json::from_value)?;
-    Ok(Keyframe { t, cut, camera: serde_json::from_value(value)? })
+    let t = t.ok_or_else(|| wrong(index, "it has no time \"t\""))?;
+    let cut = fields.remove("cut").map_or(Ok(false), serde_json::from_value);
+    let cut = cut.map_err(|error| wrong(index, error))?;
+    Ok(Keyframe { t, cut, camera: camera(index, value)? })
+}
+
+fn camera(index: usize, value: Value) -> Result<Camera, PathError> {
+    serde_json::from_value(value).map_err(|error| wrong(index, error))
+}
+
+fn wrong(index: usize, what: impl std::fmt::Display) -> PathError {
+    use serde::de::Error;
+    PathError::Json(serde_json::Error::custom(format!("keyframe {index}: {what}")))
+}
+
+/// Gives each keyframe what it does not say, from the one before; the first may do without a size where one is given.
+fn inherit(keyframes: &mut [Value], size: Option<(u32, u32)>) {
+    let mut known = serde_json::Map::new();
+    if let Some((width, height)) = size {
+        known.insert("width".into(), width.into());
+        known.insert("height".into(), height.into());
+    }
+    let projections = ["fov_y_deg", "ortho_height"];
+    for fields in keyframes.iter_mut().filter_map(Value::as_object_mut) {
+        let has_projection = projections.iter().any(|name| fields.contains_key(*name));
+        for (name, value) in &known {
+            if !(fields.contains_key(name) || has_projection && projections.contains(&name.as_str())) {
+                fields.insert(name.clone(), value.clone());
+            }
+        }
+        let inherited = ["up", "fov_y_deg", "ortho_height", "width", "height"];
+        known = inherited
+            .iter()
+            .filter_map(|name| Some(((*name).to_owned(), fields.get(*name)?.clone())))
+            .collect();
+    }
 }
 
 type Timed = (f64, DVec3);
@@ -329,6 +371,24 @@ mod tests {
         let views = CameraPath::from_json(&format!("[{list}]"), Some((64, 32))).unwrap().views().unwrap();
         assert_eq!(views.len(), 31);
         assert_eq!((views[30].camera.eye, views[30].camera.width), ([3.0, 0.0, 9.0], 64));
+    }
+
+    #[test]
+    fn what_a_keyframe_does_not_say_is_as_in_the_one_before() {
+        let text = r#"{"keyframes":[{"t":0,"eye":[0,0,9],"target":[0,0,0],"up":[0,1,0],"ortho_height":3},
+            {"t":1,"eye":[1,0,9],"target":[1,0,0]},{"t":2,"cut":true,"eye":[2,0,9],"target":[2,0,0],"fov_y_deg":40},
+            {"t":3,"eye":[3,0,9],"target":[3,0,0],"up":[1,0,0]}]}"#;
+        let path = CameraPath::from_json(text, Some((64, 32))).unwrap();
+        let cameras: Vec<Camera> = path.keyframes().iter().map(|key| key.camera).collect();
+        assert_eq!(cameras[1], Camera { eye: [1.0, 0.0, 9.0], target: [1.0, 0.0, 0.0], ..cameras[0] });
+        assert_eq!(cameras[3].projection, Projection::Perspective { fov_y_deg: 40.0 });
+        assert_eq!((cameras[2].up, cameras[3].up, cameras[3].width), ([0.0, 1.0, 0.0], [1.0, 0.0, 0.0], 64));
+        // What is nowhere said is asked for, and where.
+        let told = CameraPath::from_json(text, None).unwrap_err().to_string();
+        assert!(told.contains("keyframe 0") && told.contains("width"), "{told}");
+        let list = r#"[{"eye":[0,0,9],"target":[0,0,0],"up":[0,1,0],"fov_y_deg":60},{"eye":[1,0,9]}]"#;
+        let told = CameraPath::from_json(list, Some((64, 32))).unwrap_err().to_string();
+        assert!(told.contains("keyframe 1") && told.contains("target"), "{told}");
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::html::Html;
 use super::plots::{about, milliseconds, plain};
 use super::report::{MethodReport, NamedLoss, Report};
 use super::statistics::Distribution;
+use crate::human::grouped;
 use crate::visibility::Method;
 
 /// What the page shows besides the report's figures.
@@ -460,17 +461,4 @@ pub(crate) fn percent(fraction: f64) -> String {
 
 fn pixels(pixels: f64) -> String {
     if pixels < 10.0 { format!("{pixels:.2}") } else { grouped(pixels.round() as u64) }
-}
-
-/// 1,234,567.
-fn grouped(count: u64) -> String {
-    let digits = count.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }

@@ -17,7 +17,8 @@ use super::preferences::{Loaded, Preferences, WindowLook};
 use super::script::{Script, ScriptRun};
 use super::session::Session;
 use super::viewport::{Purpose, Viewport, cube_side};
-use crate::gpu::context::{Context, ContextSettings, device_descriptor};
+use crate::gpu::context::{Context, ContextSettings, backends, device_descriptor};
+use crate::human::grouped;
 
 /// Points that a wheel turns for a step of zoom.
 const POINTS_PER_STEP: f32 = 50.0;
@@ -116,6 +117,7 @@ fn dropped_file(egui: &egui::Context) -> Option<PathBuf> {
 /// The device that the window and the scene share.
 fn setup(adapter: Option<String>) -> WgpuSetup {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
+    setup.instance_descriptor.backends = backends();
     setup.device_descriptor = Arc::new(|adapter| {
         // What it lacks is told when the scene is drawn.
         device_descriptor(adapter).unwrap_or_else(|_| wgpu::DeviceDescriptor::default())
@@ -370,9 +372,9 @@ fn loading_screen(ui: &mut Ui, status: &LoadStatus, path: &Path) -> bool {
             ui.heading(path.display().to_string());
             ui.label(&status.stage);
             let share = if status.total > 0 { status.done as f32 / status.total as f32 } else { 0.0 };
-            let done = panels::grouped(status.done);
+            let done = grouped(status.done);
             let text = if status.total > 0 {
-                format!("{done} of {} {}", panels::grouped(status.total), status.unit)
+                format!("{done} of {} {}", grouped(status.total), status.unit)
             } else {
                 format!("{done} {}", status.unit)
             };

@@ -19,7 +19,7 @@ use crate::scene::Scene;
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The file cannot be looked at.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: cannot be read: {source}", path.display())]
     File {
         /// Which.
         path: PathBuf,
@@ -172,9 +172,16 @@ pub fn open(path: &Path, progress: &dyn Progress) -> Result<Opened, OpenError> {
         return Ok(Opened { scene, path: path.to_owned(), remarks: Vec::new() });
     }
     let cache = cache_of(path)?;
-    let kept = if is_fresh(path, &cache)? { Scene::open(&cache).ok() } else { None };
+    let written = std::fs::metadata(&cache).and_then(|meta| meta.modified()).ok();
     // One of another version, or damaged, is only a copy.
-    let (scene, remarks) = match kept.filter(|scene| is_of(scene, path)) {
+    let kept = match written.zip(Scene::open(&cache).ok()) {
+        Some((written, scene)) => {
+            let file = |source| OpenError::File { path: path.to_owned(), source };
+            is_current(&scene, written, path).map_err(file)?.then_some(scene)
+        }
+        None => None,
+    };
+    let (scene, remarks) = match kept {
         Some(scene) => (scene, Vec::new()),
         None => {
             let remarks = make(path, &cache, progress)?;
@@ -199,62 +206,49 @@ pub fn cache_of(model: &Path) -> Result<PathBuf, OpenError> {
     Ok(if is_named { model.with_file_name(name) } else { whole.with_file_name(name) })
 }
 
-/// Is the kept scene newer than its model: than the file, and the buffers and materials beside it, or all of a folder?
-fn is_fresh(model: &Path, cache: &Path) -> Result<bool, OpenError> {
-    let file = |source| OpenError::File { path: model.to_owned(), source };
-    let newest = newest_of(model).map_err(file)?;
-    let Ok(kept) = std::fs::metadata(cache).and_then(|meta| meta.modified()) else { return Ok(false) };
-    Ok(kept > newest)
-}
-
-/// Is a kept scene of this model, as long as its files are now? Copies and archives keep the times of files.
-fn is_of(scene: &Scene, model: &Path) -> bool {
+/// Is a kept scene of this model as it is now: not older than any of its files, and those as long as they were? Lengths are looked at
+/// since copies and archives keep the times of files.
+fn is_current(scene: &Scene, kept: SystemTime, model: &Path) -> std::io::Result<bool> {
     let is_folder = model.is_dir();
     let sources = &scene.meta().sources;
-    // A folder's files have paths in it. What a file refers to is counted with it.
-    let is_there = |source: &Source| {
+    let mut newest = newest_of(model)?;
+    let mut lengths_are_right = !sources.is_empty() && (is_folder || sources.len() == 1);
+    for source in sources {
+        // A folder's files have paths in it.
         let file = if is_folder { model.join(&source.name) } else { model.to_owned() };
-        let is_as_long = |length: u64| length == source.bytes || (length < source.bytes && may_refer(&file));
-        std::fs::metadata(&file).is_ok_and(|meta| meta.is_file() && is_as_long(meta.len()))
-    };
-    !sources.is_empty() && (is_folder || sources.len() == 1) && sources.iter().all(is_there)
-}
-
-/// May a file refer to others, which its length is counted with? A binary glTF seldom does, but then to a buffer beside it.
-fn may_refer(file: &Path) -> bool {
-    let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let has_buffer = || {
-        let beside = file.parent().and_then(|folder| std::fs::read_dir(folder).ok());
-        beside
-            .into_iter()
-            .flatten()
-            .flatten()
-            .any(|entry| entry.path().extension() == Some(OsStr::new("bin")))
-    };
-    match ending.as_str() {
-        "stl" | "ply" => false,
-        "glb" => has_buffer(),
-        _ => true,
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let referred = source.referred.iter().map(|name| folder.join(name));
+        let mut bytes = 0;
+        for path in std::iter::once(file.clone()).chain(referred) {
+            match std::fs::metadata(&path) {
+                Ok(meta) if meta.is_file() => {
+                    bytes += meta.len();
+                    newest = newest.max(meta.modified()?);
+                }
+                Ok(_) => {}
+                // A material library may be missing, and come later.
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+        }
+        lengths_are_right &= bytes == source.bytes;
     }
+    Ok(lengths_are_right && kept > newest)
 }
 
 /// When a model was last changed; a folder also when something was put into it or taken out.
 fn newest_of(model: &Path) -> std::io::Result<SystemTime> {
     let meta = std::fs::metadata(model)?;
     let mut newest = meta.modified()?;
-    let (folder, is_folder) = match (meta.is_dir(), model.parent()) {
-        (true, _) => (model, true),
-        (false, Some(parent)) if parent != Path::new("") => (parent, false),
-        (false, _) => (Path::new("."), false),
-    };
-    for entry in std::fs::read_dir(folder)? {
-        let entry = entry?;
-        let path = entry.path();
-        let is_beside = path.extension().is_some_and(|extension| extension == "bin" || extension == "mtl");
-        if is_folder && entry.file_type()?.is_dir() {
-            newest = newest.max(newest_of(&path)?);
-        } else if is_folder || is_beside {
-            newest = newest.max(entry.metadata()?.modified()?);
+    if meta.is_dir() {
+        for entry in std::fs::read_dir(model)? {
+            let entry = entry?;
+            let is_folder = entry.file_type()?.is_dir();
+            newest = newest.max(if is_folder {
+                newest_of(&entry.path())?
+            } else {
+                entry.metadata()?.modified()?
+            });
         }
     }
     Ok(newest)
@@ -265,12 +259,7 @@ fn make(model: &Path, cache: &Path, progress: &dyn Progress) -> Result<Vec<Strin
     let mut imported = import(&[model.to_owned()], &ImportOptions::default(), progress)?;
     imported.note_guesses(false, false);
     let settings = BuildSettings::of(&imported);
-    let sources = imported.sources.iter().map(|source| Source {
-        name: source.name.clone(),
-        bytes: source.bytes,
-        xxh3: format!("{:016x}", source.xxh3),
-    });
-    let sources = sources.collect();
+    let sources = imported.sources.iter().map(Source::from).collect();
     let outcome = build(imported.model, sources, imported.findings, &settings, cache, progress)
         .map_err(|error| OpenError::Build { cache: cache.to_owned(), error: Box::new(error) })?;
     let findings = outcome.report.findings.0.iter();

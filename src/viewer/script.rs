@@ -29,7 +29,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(120);
 #[derive(Debug, thiserror::Error)]
 pub enum ScriptError {
     /// It cannot be read.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: cannot be read: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
@@ -123,11 +123,18 @@ impl Script {
         let values: Vec<Value> = serde_json::from_str(&text).map_err(wrong(0))?;
         let step = |(number, value): (usize, Value)| {
             let kind = value.get("do").and_then(Value::as_str).unwrap_or_default();
-            if OWN.contains(&kind) {
-                read_step(value).map(Step::Own).map_err(wrong(number))
+            let step = if OWN.contains(&kind) {
+                read_step(value).map(Step::Own)
             } else {
-                read_step(value).map(Step::Action).map_err(wrong(number))
-            }
+                read_step(value).map(Step::Action)
+            };
+            // Of what it might have been, the error lists the actions alone.
+            let is_unknown = |error: &serde_json::Error| error.to_string().starts_with("unknown variant");
+            let step = step.map_err(|error| {
+                let others = OWN.map(|name| format!("`{name}`")).join(", ");
+                if is_unknown(&error) { Error::custom(format!("{error}, {others}")) } else { error }
+            });
+            step.map_err(wrong(number))
         };
         let steps: Result<Vec<Step>, ScriptError> = values.into_iter().enumerate().map(step).collect();
         Ok(Script { steps: steps? })

@@ -14,7 +14,7 @@ fn other_files_are_refused_with_what_to_do() {
     let cases: [(Vec<u8>, &str); 8] = [
         (with_version(VERSION + 1), "use a newer voxsight"),
         (with_version(0), "build it again from its sources"),
-        (b"glTF\x02\0\0\0".to_vec(), "it looks like a GLB model: build a container from it first"),
+        (b"glTF\x02\0\0\0".to_vec(), "it looks like a GLB model: build a scene from it first"),
         (b"ply\nformat ascii 1.0".to_vec(), "PLY"),
         (b"# exported\nv 0 0 0".to_vec(), "OBJ"),
         (vec![0; 1000], "its first bytes are not VOXSIGHT"),
@@ -30,5 +30,5 @@ fn other_files_are_refused_with_what_to_do() {
     let message = Container::open(folder.path()).unwrap_err().to_string();
     assert!(message.contains("not a regular file"), "{message}");
     let message = Container::open(folder.path().join("none.vxs")).unwrap_err().to_string();
-    assert!(message.contains("none.vxs: cannot open"), "{message}");
+    assert!(message.contains("none.vxs: cannot be read"), "{message}");
 }

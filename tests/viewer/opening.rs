@@ -82,6 +82,47 @@ fn a_shorter_file_of_an_older_time_is_another_model() {
     assert!(!open(&model, &Silent).unwrap().remarks.is_empty(), "it is made anew, and says what it guessed");
 }
 
+/// A glTF file whose one triangle is in `buffers/part.bin`.
+fn write_triangle(folder: &Path, size: f32) {
+    let bytes: Vec<u8> =
+        [0.0, 0.0, 0.0, size, 0.0, 0.0, 0.0, size, 0.0].iter().flat_map(|x: &f32| x.to_le_bytes()).collect();
+    fs::create_dir_all(folder.join("buffers")).unwrap();
+    fs::write(folder.join("buffers/part.bin"), bytes).unwrap();
+    let text = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0,"name":"plate"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "buffers":[{"uri":"buffers/part.bin","byteLength":36}],"bufferViews":[{"buffer":0,"byteLength":36}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[9,9,0]}]}"#;
+    fs::write(folder.join("part.gltf"), text).unwrap();
+}
+
+#[test]
+fn files_that_a_model_refers_to_are_looked_at_wherever_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = || open(&folder.path().join("part.gltf"), &Silent).unwrap().scene.scene().meta().bounds.max[0];
+    write_triangle(folder.path(), 1.0);
+    assert!((size() - 1.0).abs() < 1e-3);
+    let kept = folder.path().join("part.gltf.view.vxs");
+    set_time(&kept, 10);
+    let written = || fs::metadata(&kept).unwrap().modified().unwrap();
+    let before = written();
+    size();
+    assert_eq!(written(), before, "it is kept");
+    // Exported again, as long as before.
+    write_triangle(folder.path(), 3.0);
+    set_time(&folder.path().join("buffers/part.bin"), 20);
+    assert!((size() - 3.0).abs() < 1e-3, "{}", size());
+    // A material library that comes later.
+    let model = folder.path().join("box.obj");
+    write_box(&model, 1.0);
+    fs::write(&model, format!("mtllib box.mtl\nusemtl red\n{}", fs::read_to_string(&model).unwrap()))
+        .unwrap();
+    let colour = || open(&model, &Silent).unwrap().scene.scene().objects()[0].colour;
+    let plain = colour();
+    set_time(&folder.path().join("box.obj.view.vxs"), 10);
+    fs::write(folder.path().join("box.mtl"), "newmtl red\nKd 1 0 0\n").unwrap();
+    assert_ne!(colour(), plain);
+}
+
 #[test]
 fn what_cannot_be_opened_says_why_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -112,6 +153,7 @@ fn steps_of_scripts_have_no_fields_that_mean_nothing() {
         (r#"[{"do":"hide","path":"/pump"}]"#, "there is no field `path`"),
         (r#"[{"do":"undo"},{"do":"click","x":1,"y":1,"button":2}]"#, "step 1"),
         (r#"[{"do":"jump"}]"#, "unknown variant `jump`"),
+        (r#"[{"do":"jump"}]"#, "`check_lost`, `wait`, `click`"),
     ] {
         let told = read(wrong).unwrap_err().to_string();
         assert!(told.contains(part) && told.contains("steps.json"), "{told}");

@@ -15,19 +15,6 @@ pub use tree::tree;
 
 use super::session::Session;
 
-/// A number with commas: 1,234,567.
-pub fn grouped(count: u64) -> String {
-    let digits = count.to_string();
-    let (mut text, first) = (String::new(), digits.len() % 3);
-    for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && place % 3 == first {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 /// Bytes for people.
 pub fn bytes(count: u64) -> String {
     match count {
@@ -55,9 +42,6 @@ fn button(ui: &mut egui::Ui, session: &mut Session, text: &str, hint: &str, acti
 mod tests {
     #[test]
     fn numbers_are_for_people() {
-        for (count, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
-            assert_eq!(super::grouped(count), text);
-        }
         assert_eq!(super::bytes(1_234_567), "1.2 MB");
     }
 }

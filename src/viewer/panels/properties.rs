@@ -7,7 +7,8 @@ use egui::{CollapsingHeader, DragValue, Grid, ScrollArea, Ui};
 use glam::DVec3;
 use serde_json::Value;
 
-use super::{button, grouped, lists};
+use super::{button, lists};
+use crate::human::grouped;
 use crate::viewer::action::{Action, AxisName};
 use crate::viewer::document::{Section, triangles_by_level};
 use crate::viewer::measure::LengthUnit;

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use egui::{Color32, RichText, Ui, pos2, vec2};
 
-use super::{bytes, grouped};
+use super::bytes;
+use crate::human::grouped;
 use crate::viewer::session::Session;
 
 /// Frames whose times are plotted.

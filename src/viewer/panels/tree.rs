@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::collapsing_header::paint_default_icon;
 use egui::{Align, Button, Layout, RichText, ScrollArea, Sense, TextEdit, Ui, vec2};
 
-use super::grouped;
+use crate::human::grouped;
 use crate::viewer::action::Action;
 use crate::viewer::document::Share;
 use crate::viewer::session::Session;

@@ -42,7 +42,7 @@ impl Session {
     pub fn handles(&self, camera: &CameraRays) -> Vec<(Handle, Shape)> {
         let mut all = Vec::new();
         if self.moves_parts
-            && let Some(centre) = self.document.middle_of_selection()
+            && let Some(centre) = self.handles_at()
         {
             all.extend(handles::of_selection(camera, centre));
         }
@@ -55,6 +55,17 @@ impl Session {
             }
         }
         all
+    }
+
+    /// Where the handles of the selection meet. While it is dragged that is known without looking at all of its parts.
+    fn handles_at(&self) -> Option<DVec3> {
+        match &self.dragging {
+            Some(Dragging {
+                before: Before::Parts { centre, .. }, handle: Handle::Along(axis), by, ..
+            }) => Some(*centre + *by * axis.unit()),
+            Some(Dragging { before: Before::Parts { centre, .. }, .. }) => Some(*centre),
+            _ => self.document.middle_of_selection(),
+        }
     }
 
     /// The handle at a place of the picture.

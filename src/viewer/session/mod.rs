@@ -240,7 +240,7 @@ impl Session {
         if self.playing.is_some() {
             return;
         }
-        self.navigator.step(seconds, motion, &*self.document.shown());
+        self.navigator.step(seconds, motion, &**self.document.shown_before());
     }
 
     fn take_found(&mut self) {

@@ -34,7 +34,8 @@ impl Session {
     }
 
     pub(super) fn open_route(&mut self, file: &Path) -> Result<(), String> {
-        let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
+        let text =
+            std::fs::read_to_string(file).map_err(|e| format!("{}: cannot be read: {e}", file.display()))?;
         let route = Route::from_json(&text).map_err(|e| format!("{}: {e}", file.display()))?;
         self.keep_route()?;
         self.tell(format!(

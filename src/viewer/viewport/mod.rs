@@ -44,8 +44,8 @@ pub struct Viewport {
     context: Context,
     walk: Walkthrough,
     texture: Option<(TextureId, (u32, u32))>,
-    /// Version of the document that is drawn.
-    version: Option<u64>,
+    /// What is drawn is of a state before; that of now is being made.
+    is_showing_late: bool,
     marks: Marks,
     /// The selection that is marked.
     marked: Option<u64>,
@@ -93,7 +93,7 @@ impl Viewport {
             walk: Walkthrough::new(scene, context, settings)?,
             context: context.clone(),
             texture: None,
-            version: None,
+            is_showing_late: false,
             marks: Marks::default(),
             marked: None,
             lighting: Lighting::sunny(Sun::default_direction(up)),
@@ -174,6 +174,7 @@ impl Viewport {
         !self.picks.is_empty()
             || self.checking.is_some()
             || self.thumbnail.is_some()
+            || self.is_showing_late
             || self.walk.is_finding_casters()
     }
 
@@ -203,9 +204,10 @@ impl Viewport {
                 }
             }
         }
-        if self.version != Some(session.document.version()) {
-            self.walk.set_shown(session.document.shown())?;
-            self.version = Some(session.document.version());
+        let (shown, is_newest) = session.document.shown_soon();
+        self.is_showing_late = !is_newest;
+        if !Arc::ptr_eq(&shown, self.walk.shown()) {
+            self.walk.set_shown(shown)?;
             self.still = 0;
             self.changed = self.last.as_ref().map_or(0, |(record, _)| record.frame + 1);
         }

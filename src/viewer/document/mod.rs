@@ -1,76 +1,24 @@
 //! An opened scene and what a user has done with it. Every change can be undone.
 
+mod objects;
+mod showing;
+
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{DAffine3, DVec3};
 
+pub use objects::ObjectSet;
+use showing::Showing;
+
 use crate::camera::Plane;
-use crate::filter::Filter;
+use crate::human::grouped;
 use crate::loaded::LoadedScene;
 use crate::moved::Motions;
 use crate::shown::Shown;
 
 /// Changes that can be undone, at most.
 const MOST_UNDONE: usize = 200;
-
-/// Objects, a bit each.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ObjectSet {
-    words: Vec<u64>,
-    count: u32,
-}
-
-impl ObjectSet {
-    /// Adds or takes away an object.
-    pub fn set(&mut self, object: u32, is_in: bool) {
-        if self.has(object) == is_in {
-            return;
-        }
-        let (word, bit) = (object as usize / 64, 1 << (object % 64));
-        if self.words.len() <= word {
-            self.words.resize(word + 1, 0);
-        }
-        self.words[word] ^= bit;
-        if is_in { self.count += 1 } else { self.count -= 1 }
-    }
-
-    /// Is an object in it?
-    pub fn has(&self, object: u32) -> bool {
-        self.words.get(object as usize / 64).is_some_and(|word| word >> (object % 64) & 1 == 1)
-    }
-
-    /// How many there are.
-    pub fn count(&self) -> u32 {
-        self.count
-    }
-
-    /// How many of a range are in it.
-    pub fn count_of(&self, objects: Range<u32>) -> u32 {
-        let (first, last) = (objects.start as usize / 64, objects.end as usize / 64);
-        let within = |word: usize| {
-            let below = |end: u32| if end as usize / 64 > word { u64::MAX } else { (1 << (end % 64)) - 1 };
-            let from = if word == first { !((1u64 << (objects.start % 64)) - 1) } else { u64::MAX };
-            self.words.get(word).copied().unwrap_or(0) & from & below(objects.end)
-        };
-        if objects.is_empty() { 0 } else { (first..=last).map(|word| within(word).count_ones()).sum() }
-    }
-
-    /// All of them, rising.
-    pub fn iter(&self) -> impl Iterator<Item = u32> + '_ {
-        let bits = |(index, &word): (usize, &u64)| {
-            let rest = |word: &u64| Some(word & (word - 1)).filter(|&rest| rest != 0);
-            let words = std::iter::successors(Some(word).filter(|&word| word != 0), rest);
-            words.map(move |word| index as u32 * 64 + word.trailing_zeros())
-        };
-        self.words.iter().enumerate().flat_map(bits)
-    }
-
-    /// Empties it.
-    pub fn clear(&mut self) {
-        *self = ObjectSet::default();
-    }
-}
 
 /// A section plane: what is on its outer side is cut away.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,8 +69,8 @@ pub struct Document {
     redo: Vec<Undo>,
     /// The last change may go on: it is one gesture.
     is_open: bool,
-    /// Of this state; made when it is first asked for.
-    shown: OnceLock<Arc<Shown>>,
+    /// Of this state, or of one before while it is being made.
+    showing: Showing,
     /// Another number for another selection.
     selection: u64,
     /// Of this state and selection; likewise.
@@ -138,6 +86,7 @@ impl Document {
     /// As the file has it.
     pub fn new(scene: Arc<LoadedScene>) -> Self {
         Document {
+            showing: Showing::new(&scene),
             scene,
             state: Arc::default(),
             selected: ObjectSet::default(),
@@ -145,7 +94,6 @@ impl Document {
             undo: Vec::new(),
             redo: Vec::new(),
             is_open: false,
-            shown: OnceLock::new(),
             selection: 0,
             middle: OnceLock::new(),
             node_box: Mutex::new(None),
@@ -165,11 +113,6 @@ impl Document {
     /// Selected objects.
     pub fn selected(&self) -> &ObjectSet {
         &self.selected
-    }
-
-    /// Another number for another state; the selection does not count.
-    pub fn version(&self) -> u64 {
-        self.version
     }
 
     // --- Changes ---
@@ -193,14 +136,7 @@ impl Document {
     /// Takes over another state; the one before.
     fn replace(&mut self, state: Arc<State>) -> Arc<State> {
         self.version += 1;
-        // Where planes alone are others, the rest is taken over: one is dragged.
-        let alike = Arc::ptr_eq(&state.hidden, &self.state.hidden)
-            && Arc::ptr_eq(&state.seen_through, &self.state.seen_through)
-            && Arc::ptr_eq(&state.motions, &self.state.motions);
-        let shown = self.shown.take().filter(|_| alike);
-        self.shown = shown.map_or_else(OnceLock::new, |shown| {
-            OnceLock::from(Arc::new(shown.with_planes(planes(&state).collect())))
-        });
+        self.showing.replace(&self.state, &state);
         self.middle = OnceLock::new();
         self.node_box = Mutex::new(None);
         std::mem::replace(&mut self.state, state)
@@ -314,17 +250,15 @@ impl Document {
     /// As [`Document::move_by`], from where `before` has them, and one with the last change where that is of the same name: for what
     /// is dragged.
     pub fn drag_by(&mut self, name: &str, objects: &ObjectSet, before: &Motions, motion: DAffine3) {
-        self.change_on(name, |state| {
-            let motions = Arc::make_mut(&mut state.motions);
-            for object in objects.iter() {
-                let before = before.get(&object).copied();
-                if before.is_none() && motion == DAffine3::IDENTITY {
-                    motions.remove(&object);
-                } else {
-                    motions.insert(object, motion * before.unwrap_or(DAffine3::IDENTITY));
-                }
-            }
+        let dragged = objects.iter().filter_map(|object| {
+            let before = before.get(&object).copied();
+            let is_back = before.is_none() && motion == DAffine3::IDENTITY;
+            (!is_back).then(|| (object, motion * before.unwrap_or(DAffine3::IDENTITY)))
         });
+        let others = before.iter().filter(|(object, _)| !objects.has(**object));
+        // Many are quicker made into a new map than looked up in one by one.
+        let motions: Motions = others.map(|(object, motion)| (*object, *motion)).chain(dragged).collect();
+        self.change_on(name, |state| state.motions = Arc::new(motions));
     }
 
     /// Moves objects back to where the file has them.
@@ -382,22 +316,20 @@ impl Document {
         planes(&self.state)
     }
 
-    /// The scene as it is shown.
+    /// The scene as it is shown in this state; made now if it was not yet, which takes a second for a million moved parts.
     pub fn shown(&self) -> Arc<Shown> {
-        Arc::clone(self.shown.get_or_init(|| Arc::new(self.show())))
+        self.showing.now(&self.scene, &self.state)
     }
 
-    fn show(&self) -> Shown {
-        let scene = self.scene.scene();
-        let mut filter = Filter::default();
-        self.planes().for_each(|plane| filter.clip_by(plane));
-        for object in self.state.hidden.iter() {
-            scene.object_drawables(object).for_each(|drawable| filter.set_hidden(drawable, true));
-        }
-        for object in self.state.seen_through.iter() {
-            scene.object_drawables(object).for_each(|drawable| filter.set_seen_through(drawable, true));
-        }
-        Shown::new(Arc::clone(&self.scene), filter, Arc::clone(&self.state.motions))
+    /// The same without waiting: where making it takes long a thread does, and the one before is told until it has. Is it of this
+    /// state?
+    pub fn shown_soon(&mut self) -> (Arc<Shown>, bool) {
+        self.showing.soon(&self.scene, &self.state)
+    }
+
+    /// What [`Document::shown_soon`] told last.
+    pub fn shown_before(&self) -> &Arc<Shown> {
+        self.showing.before()
     }
 
     /// The mean of the selected parts' own middles, where they are now; `None` where nothing is selected. It turns with them: back and
@@ -472,7 +404,10 @@ pub fn describe(state: &State) -> String {
         (state.motions.len(), "moved"),
         (sections, if sections == 1 { "section" } else { "sections" }),
     ];
-    let told = counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+    let told = counts
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{} {what}", grouped(*count as u64)));
     told.collect::<Vec<_>>().join(", ")
 }
 
@@ -480,35 +415,21 @@ pub fn describe(state: &State) -> String {
 mod tests {
     use super::*;
 
-    #[test]
-    fn sets_count_what_they_hold() {
-        let mut random = oorandom::Rand32::new(7);
-        let (mut set, mut list) = (ObjectSet::default(), vec![false; 300]);
-        for round in 0..4000 {
-            let (object, is_in) = (random.rand_range(0..300), random.rand_u32() & 1 == 1);
-            set.set(object, is_in);
-            list[object as usize] = is_in;
-            let (a, b) = (random.rand_range(0..301), random.rand_range(0..301));
-            let range = a.min(b)..a.max(b);
-            let expected = range.clone().filter(|&object| list[object as usize]).count();
-            assert_eq!(set.count_of(range.clone()) as usize, expected, "seed 7, round {round}: {range:?}");
-            assert_eq!(set.count() as usize, list.iter().filter(|is_in| **is_in).count());
-        }
-        let expected: Vec<u32> = (0..300).filter(|&object| list[object as usize]).collect();
-        assert_eq!(set.iter().collect::<Vec<_>>(), expected);
-        set.clear();
-        assert_eq!(set.count_of(0..300), 0);
-    }
-
     /// A plant, as small as can be.
     fn document() -> Document {
+        document_of(crate::sample::plant(&crate::sample::PlantSettings {
+            objects: 30,
+            triangles: 3000,
+            seed: 1,
+        }))
+    }
+
+    fn document_of(model: crate::model::Model) -> Document {
         use crate::prepare::{BuildSettings, Resolution, build};
         use crate::progress::Silent;
-        let settings = crate::sample::PlantSettings { objects: 30, triangles: 3000, seed: 1 };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plant.vxs");
         let build_settings = BuildSettings { resolution: Resolution::Log2(6), ..BuildSettings::default() };
-        let model = crate::sample::plant(&settings);
         build(model, Vec::new(), Default::default(), &build_settings, &path, &Silent).unwrap();
         let scene = crate::scene::Scene::open(&path).unwrap();
         Document::new(Arc::new(LoadedScene::new(scene, &Silent).unwrap()))
@@ -579,5 +500,49 @@ mod tests {
             let ray = crate::ray::Ray::new(point(), (point() - point()).normalize_or(DVec3::X));
             assert_eq!(after.closest(&ray), anew.closest(&ray));
         }
+    }
+
+    #[test]
+    fn what_takes_long_is_made_by_a_thread_and_seen_on_its_way() {
+        use crate::sample::{PlantSettings, plant};
+        let mut document = document_of(plant(&PlantSettings { objects: 6000, triangles: 100_000, seed: 1 }));
+        document.select(0..6000);
+        let objects = document.selected().clone();
+        let first = Arc::clone(document.shown_before());
+        let move_all = |document: &mut Document, x: f64| {
+            document.drag_by("Move", &objects, &Motions::new(), DAffine3::from_translation(DVec3::X * x));
+        };
+        let x_of = |shown: &Shown| shown.motions().get(&3).map_or(0.0, |motion| motion.translation.x);
+        move_all(&mut document, 1.0);
+        let (shown, is_newest) = document.shown_soon();
+        assert!(!is_newest && Arc::ptr_eq(&shown, &first), "it is not waited for");
+        // Dragged on meanwhile: what was begun is seen first, then what is there now.
+        move_all(&mut document, 2.0);
+        let mut seen = vec![0.0];
+        let deadline = std::time::Instant::now() + std::time::Duration::from_secs(60);
+        loop {
+            assert!(std::time::Instant::now() < deadline, "{seen:?}");
+            let (shown, is_newest) = document.shown_soon();
+            if seen.last() != Some(&x_of(&shown)) {
+                seen.push(x_of(&shown));
+            }
+            assert_eq!(is_newest, x_of(&shown) == 2.0);
+            if is_newest {
+                break;
+            }
+            std::thread::yield_now();
+        }
+        assert_eq!(seen, [0.0, 1.0, 2.0]);
+        assert!(Arc::ptr_eq(&document.shown(), document.shown_before()));
+        // A plane, and little that is moved, are there at once.
+        let plane = Plane { normal: DVec3::X, point: DVec3::ONE };
+        document.change("Add section", |state| {
+            state.sections.push(Section { name: "a".into(), plane, is_on: true });
+        });
+        let (shown, is_newest) = document.shown_soon();
+        assert!(is_newest && shown.filter().clip_planes() == [plane] && x_of(&shown) == 2.0);
+        document.undo();
+        document.undo();
+        assert!(document.shown_soon().1 && document.shown_before().moved().is_none());
     }
 }
