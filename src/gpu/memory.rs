@@ -13,6 +13,9 @@ pub const SLABS: usize = 4;
 /// Bytes are copied inside the memory through a buffer of this size.
 const BOUNCE: u64 = 1 << 20;
 
+/// Memory that grows begins with so much.
+const LEAST_SLAB: u64 = 1 << 16;
+
 /// A space of addresses. Shaders read it word by word (`pool_word` of `shaders/page.wgsl`, and its like).
 #[derive(Debug)]
 pub struct Slabs {
@@ -20,6 +23,7 @@ pub struct Slabs {
     /// log2 of the words of a slab.
     shift: u32,
     bytes: u64,
+    what: &'static str,
 }
 
 /// A piece of a space: slab, offset there, bytes.
@@ -41,15 +45,58 @@ impl Slabs {
         if bytes > most {
             return Err(GpuError::TooLarge { adapter: context.name.clone(), what, bytes, most });
         }
-        let buffers = (0..bytes.div_ceil(slab)).map(|index| {
-            context.device.create_buffer(&BufferDescriptor {
-                label: Some(what),
-                size: slab.min(bytes - index * slab),
-                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            })
-        });
-        Ok(Slabs { buffers: buffers.collect(), shift: slab.ilog2() - 2, bytes })
+        let mut slabs = Slabs { buffers: Vec::new(), shift: slab.ilog2() - 2, bytes, what };
+        slabs.buffers =
+            (0..bytes.div_ceil(slab)).map(|index| slabs.buffer(context, slabs.most(index))).collect();
+        Ok(slabs)
+    }
+
+    /// Makes one that takes memory as it is needed: [`Slabs::reserve`]. Until then nothing is cleared, which for much memory takes
+    /// long. That there is enough is tried first.
+    ///
+    /// # Errors
+    ///
+    /// As [`Slabs::new`].
+    pub fn growing(context: &Context, what: &'static str, bytes: u64) -> Result<Self, GpuError> {
+        let mut slabs = Slabs::new(context, what, bytes)?;
+        for index in 0..slabs.buffers.len() {
+            let small = slabs.buffer(context, slabs.most(index as u64).min(LEAST_SLAB));
+            std::mem::replace(&mut slabs.buffers[index], small).destroy();
+        }
+        Ok(slabs)
+    }
+
+    fn buffer(&self, context: &Context, size: u64) -> Buffer {
+        context.device.create_buffer(&BufferDescriptor {
+            label: Some(self.what),
+            size,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Bytes of a slab when it is as large as it gets.
+    fn most(&self, index: u64) -> u64 {
+        self.slab_bytes().min(self.bytes - index * self.slab_bytes())
+    }
+
+    /// Takes memory for addresses below `end`; what is there stays.
+    fn reserve(&mut self, context: &Context, encoder: &mut CommandEncoder, end: u64) {
+        for index in 0..self.buffers.len() {
+            let most = self.most(index as u64);
+            let needed = end.saturating_sub(index as u64 * self.slab_bytes()).min(most);
+            let has = self.buffers[index].size();
+            if needed > has {
+                let larger = self.buffer(context, needed.next_power_of_two().min(most));
+                encoder.copy_buffer_to_buffer(&self.buffers[index], 0, &larger, 0, has);
+                self.buffers[index] = larger;
+            }
+        }
+    }
+
+    /// Bytes that are taken.
+    pub fn taken(&self) -> u64 {
+        self.buffers.iter().map(Buffer::size).sum()
     }
 
     /// What shaders need to know: the values of `NAME_SHIFT`, log2 of the words of a slab, and `NAME_SLABS`.
@@ -85,15 +132,18 @@ impl Slabs {
         })
     }
 
-    /// Copies all of it back, and waits.
+    /// Copies all of it back, and waits; zeros where nothing was written.
     ///
     /// # Errors
     ///
     /// The driver reports one.
     pub fn read(&self, context: &Context) -> Result<Vec<u8>, GpuError> {
-        let slabs: Result<Vec<Vec<u8>>, GpuError> =
-            self.buffers.iter().map(|slab| context.read(slab)).collect();
-        Ok(slabs?.concat())
+        let mut all = Vec::new();
+        for (index, slab) in (0..).zip(&self.buffers) {
+            all.extend(context.read(slab)?);
+            all.resize((index * self.slab_bytes() + self.most(index)) as usize, 0);
+        }
+        Ok(all)
     }
 
     /// Writes at once, before what is submitted later.
@@ -141,7 +191,7 @@ impl PagedMemory {
     ///
     /// As [`Slabs::new`].
     pub fn new(context: &Context, budget: u64) -> Result<Self, GpuError> {
-        let slabs = Slabs::new(context, "bytes of memory for geometry", budget)?;
+        let slabs = Slabs::growing(context, "bytes of memory for geometry", budget)?;
         let bounce = context.device.create_buffer(&BufferDescriptor {
             label: Some("bounce"),
             size: BOUNCE,
@@ -157,7 +207,10 @@ impl PagedMemory {
     }
 
     /// Writes a page by itself, at once: how it is done without gathering what changes.
-    pub fn write_alone(&self, context: &Context, offset: u64, bytes: &[u8]) {
+    pub fn write_alone(&mut self, context: &Context, offset: u64, bytes: &[u8]) {
+        let mut encoder = context.device.create_command_encoder(&Default::default());
+        self.slabs.reserve(context, &mut encoder, offset + bytes.len() as u64);
+        context.queue.submit([encoder.finish()]);
         self.slabs.write(context, offset, bytes);
         context.queue.submit([]);
     }
@@ -167,6 +220,11 @@ impl PagedMemory {
         let mut copies = Copies { count: 0, bytes: self.staged.len() as u64 };
         let staging =
             (!self.staged.is_empty()).then(|| context.buffer("pages", &self.staged, BufferUsages::COPY_SRC));
+        let end = |step: &Step| match *step {
+            Step::Write { offset, bytes, .. } => offset + bytes,
+            Step::Shift { from, bytes, .. } => from + bytes,
+        };
+        self.slabs.reserve(context, encoder, self.steps.iter().map(end).max().unwrap_or(0));
         for step in self.steps.drain(..) {
             match (step, &staging) {
                 (Step::Write { offset, staged, bytes }, Some(staging)) => {

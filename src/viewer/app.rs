@@ -52,10 +52,17 @@ impl Interrupt {
     /// window yet, or it was asked before.
     pub fn ask(&self) -> bool {
         let is_again = self.is_asked.swap(true, Ordering::Relaxed);
+        self.wake();
+        is_again || self.window.get().is_none()
+    }
+}
+
+impl Interrupt {
+    /// Something has come that the window looks for in its next frame.
+    fn wake(&self) {
         if let Some(window) = self.window.get() {
             window.request_repaint();
         }
-        is_again || self.window.get().is_none()
     }
 }
 
@@ -96,8 +103,10 @@ pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
         wgpu_options: WgpuConfiguration { wgpu_setup: setup(options.adapter.clone()), ..Default::default() },
         ..Default::default()
     };
+    // Begins before there is a window, which takes its time too.
+    let stage = begin(&options.path, &options.interrupt);
     let make = move |creation: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, Box<dyn std::error::Error + Send + Sync>> {
-        Ok(Box::new(App::new(creation, options, told)?))
+        Ok(Box::new(App::new(creation, options, stage, told)?))
     };
     eframe::run_native("voxsight", native, Box::new(make))?;
     let failed = outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
@@ -181,6 +190,7 @@ impl App {
     fn new(
         creation: &eframe::CreationContext<'_>,
         options: ViewerOptions,
+        stage: Stage,
         outcome: Arc<std::sync::Mutex<Option<String>>>,
     ) -> Result<Self, Box<dyn std::error::Error + Send + Sync>> {
         let window =
@@ -208,7 +218,7 @@ impl App {
             options.input_options.surrender_focus_on = egui::SurrenderFocusOn::Presses;
         });
         Ok(App {
-            stage: begin(&options.path, &creation.egui_ctx),
+            stage,
             preferences: loaded.preferences,
             window,
             context,
@@ -247,7 +257,8 @@ impl App {
     fn follow_loading(&mut self, egui: &egui::Context) {
         let Stage::Loading(loading, since) = &self.stage else { return };
         let since = *since;
-        egui.request_repaint_after(Duration::from_millis(100));
+        // Seldom: a software driver takes its time from loading.
+        egui.request_repaint_after(Duration::from_millis(300));
         let Some(outcome) = loading.take() else { return };
         let path = loading.path().to_owned();
         self.stage = match outcome
@@ -261,9 +272,9 @@ impl App {
 }
 
 /// Loads a file.
-fn begin(path: &Path, egui: &egui::Context) -> Stage {
-    let repaint = egui.clone();
-    match Loading::begin(path.to_owned(), move || repaint.request_repaint()) {
+fn begin(path: &Path, window: &Arc<Interrupt>) -> Stage {
+    let window = Arc::clone(window);
+    match Loading::begin(path.to_owned(), move || window.wake()) {
         Ok(loading) => Stage::Loading(loading, Instant::now()),
         Err(error) => Stage::Failed { path: path.to_owned(), told: error.to_string() },
     }
@@ -303,7 +314,7 @@ impl eframe::App for App {
         }
         if let Some(path) = begin_again {
             egui.send_viewport_cmd(egui::ViewportCommand::Title(title(&path)));
-            self.replace(begin(&path, &egui));
+            self.replace(begin(&path, &self.interrupt));
         }
         self.run_script(&egui);
     }

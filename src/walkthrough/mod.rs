@@ -502,6 +502,7 @@ impl Walkthrough {
         let mut copies = Copies::default();
         if self.settings.upload != Upload::Delta {
             let scene = self.shown.scene().scene();
+            let context = self.renderer.context().clone();
             let mut pages: Vec<u32> =
                 self.drawn.iter().map(|choice| scene.page_of(choice.drawable, choice.level)).collect();
             pages.sort_unstable();
@@ -512,7 +513,7 @@ impl Walkthrough {
                 if self.settings.upload == Upload::Full {
                     crate::streaming::Memory::write(&mut self.renderer.memory, offset, bytes);
                 } else {
-                    self.renderer.memory.write_alone(self.renderer.context(), offset, bytes);
+                    self.renderer.memory.write_alone(&context, offset, bytes);
                     copies.count += 1;
                     copies.bytes += bytes.len() as u64;
                 }

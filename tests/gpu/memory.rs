@@ -47,9 +47,11 @@ fn writes_and_shifts_leave_what_an_array_would_hold() {
                 copies.bytes == written && copies.count >= steps,
                 "seed {seed}, round {round}: {copies:?}"
             );
+            assert!(memory.slabs().taken() <= bytes.max(1 << 16), "seed {seed}, round {round}");
             let found = memory.slabs().read(context).unwrap();
             assert!(found == array, "seed {seed}, round {round}: other bytes");
         }
+        assert!(bytes <= 1 << 16 || memory.slabs().taken() > bytes / 2, "it has grown");
         assert!(across > 5 && overlapping > 5, "seed {seed}: {across} {overlapping}");
     }
 }
