@@ -100,6 +100,8 @@ pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
     let title = title(&options.path);
     let native = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default().with_inner_size(size).with_title(title),
+        // There are no gradients to be smoothed, and software drivers take long for it.
+        dithering: false,
         wgpu_options: WgpuConfiguration { wgpu_setup: setup(options.adapter.clone()), ..Default::default() },
         ..Default::default()
     };
@@ -167,8 +169,8 @@ struct Open {
     had_focus: bool,
     /// The picture was not at rest then.
     was_moving: bool,
-    /// Since when its first picture is waited for.
-    opening: Option<Instant>,
+    /// Since when its first picture is waited for, and how long it took to load.
+    opening: Option<(Instant, Duration)>,
 }
 
 struct App {
@@ -234,6 +236,7 @@ impl App {
 
     /// Opens what was loaded.
     fn open(&mut self, opened: Opened, since: Instant, egui: &egui::Context) -> Result<Open, String> {
+        let loaded = since.elapsed();
         self.preferences.remember(&opened.path);
         let repaint = egui.clone();
         let mut session = Session::new(opened, self.preferences.clone(), move || repaint.request_repaint())
@@ -250,7 +253,7 @@ impl App {
             viewport: viewport.map_err(|error| error.to_string())?,
             had_focus: false,
             was_moving: false,
-            opening: Some(since),
+            opening: Some((since, loaded)),
         })
     }
 
@@ -319,6 +322,11 @@ impl eframe::App for App {
         self.run_script(&egui);
     }
 
+    /// What panels are filled with: they need not fill themselves, which a driver without a GPU takes long for.
+    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        visuals.panel_fill.to_normalized_gamma_f32()
+    }
+
     fn on_exit(&mut self) {
         self.close();
         if self.keeps_preferences
@@ -377,7 +385,7 @@ impl App {
 /// How far loading is. Is it to be cancelled?
 fn loading_screen(ui: &mut Ui, status: &LoadStatus, path: &Path) -> bool {
     let mut is_cancelled = false;
-    CentralPanel::default().show(ui, |ui| {
+    CentralPanel::no_frame().show(ui, |ui| {
         ui.add_space(0.35 * ui.available_height());
         ui.vertical_centered(|ui| {
             ui.heading(path.display().to_string());
@@ -399,7 +407,7 @@ fn loading_screen(ui: &mut Ui, status: &LoadStatus, path: &Path) -> bool {
 /// What went wrong. What is to be opened now?
 fn failed_screen(ui: &mut Ui, path: &Path, told: &str, preferences: &mut Preferences) -> Option<PathBuf> {
     let mut chosen = None;
-    CentralPanel::default().show(ui, |ui| {
+    CentralPanel::no_frame().show(ui, |ui| {
         ui.add_space(0.3 * ui.available_height());
         ui.vertical_centered(|ui| {
             ui.heading("This cannot be shown");
@@ -437,16 +445,22 @@ impl Open {
     /// All of the window. What the GPU could not do is an error.
     fn ui(&mut self, ui: &mut Ui, passed: Duration, window: &RenderState) -> Result<(), String> {
         let Open { session, viewport, had_focus, was_moving, opening } = self;
-        Panel::top("tools").show(ui, |ui| panels::toolbar(ui, session));
-        Panel::bottom("status").show(ui, |ui| panels::status(ui, session, &viewport.figures));
+        let bare = egui::Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
+        Panel::top("tools").frame(bare).show(ui, |ui| panels::toolbar(ui, session));
+        Panel::bottom("status").frame(bare).show(ui, |ui| panels::status(ui, session, &viewport.figures));
         // The picture keeps a fifth of the window.
         let most = (0.4 * ui.available_width()).max(120.0);
         let width = session.preferences.left_panel as f32;
-        let left = Panel::left("tree").resizable(true).default_size(width).size_range(120.0..=most);
+        let left =
+            Panel::left("tree").frame(bare).resizable(true).default_size(width).size_range(120.0..=most);
         let shown = left.show(ui, |ui| panels::tree(ui, session));
         session.preferences.left_panel = shown.response.rect.width().into();
         let width = session.preferences.right_panel as f32;
-        let right = Panel::right("properties").resizable(true).default_size(width).size_range(120.0..=most);
+        let right = Panel::right("properties")
+            .frame(bare)
+            .resizable(true)
+            .default_size(width)
+            .size_range(120.0..=most);
         let shown = right.show(ui, |ui| {
             let document = Arc::clone(session.document.scene());
             let seen = |objects| viewport.seen_of(&document, objects);
@@ -464,9 +478,10 @@ impl Open {
         *was_moving = outcome?;
         // What is read and loaded comes later than the window.
         if viewport.figures.drawn > 0
-            && let Some(since) = opening.take()
+            && let Some((since, loaded)) = opening.take()
         {
-            session.tell(format!("first picture after {:.2} s", since.elapsed().as_secs_f64()));
+            let [first, loaded] = [since.elapsed(), loaded].map(|time| time.as_secs_f64());
+            session.tell(format!("first picture after {first:.2} s, loaded after {loaded:.2} s"));
         }
         Ok(())
     }
