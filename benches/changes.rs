@@ -1,4 +1,5 @@
-//! What a change of many parts costs: the document's own bookkeeping, and the hierarchies that are made for it.
+//! What a drag of many parts costs at each move of the mouse: the document's own bookkeeping, what the window waits for, and when the
+//! scene is shown as it then is.
 //!
 //! `cargo bench --bench changes -- [SCENE.vxs]`; without a scene: a sample plant of 200,000 objects.
 #![allow(
@@ -12,21 +13,16 @@
 mod common;
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::{DAffine3, DVec3};
 use voxsight::moved::Motions;
 use voxsight::sample::{PlantSettings, plant};
+use voxsight::shown::Shown;
 use voxsight::viewer::document::Document;
 
 /// Of so many runs the median is told.
 const RUNS: usize = 5;
-
-fn median(mut run: impl FnMut(usize) -> f64) -> f64 {
-    let mut all: Vec<f64> = (0..RUNS).map(&mut run).collect();
-    all.sort_by(f64::total_cmp);
-    all[RUNS / 2]
-}
 
 fn main() {
     let folder = tempfile::tempdir().unwrap();
@@ -42,31 +38,39 @@ fn main() {
     );
     let scene = Arc::new(common::load(&path));
     let count = scene.scene().objects().len() as u32;
-    println!("| parts | change ms | middle ms | shown ms |\n| --- | --- | --- | --- |");
-    for parts in [1, 100, 10_000, 100_000, count] {
+    println!(
+        "| parts | change ms | window waits ms | shown after ms | made at once ms |\n| --- | --- | --- | --- | --- |"
+    );
+    for parts in [1, 100, 1000, 10_000, 100_000, count].map(|parts| parts.min(count)) {
         let mut document = Document::new(Arc::clone(&scene));
-        document.select(0..parts.min(count));
+        document.select(0..parts);
         let objects = document.selected().clone();
-        let mut times = [const { Vec::new() }; 3];
-        let _ = median(|run| {
+        let mut times = [const { Vec::new() }; 4];
+        for run in 0..RUNS {
             let motion = DAffine3::from_translation(DVec3::X * (run + 1) as f64);
-            let mut next =
-                |index: usize, started: Instant| times[index].push(started.elapsed().as_secs_f64() * 1e3);
+            let milliseconds = |since: Instant| since.elapsed().as_secs_f64() * 1e3;
             let started = Instant::now();
             document.drag_by("Move", &objects, &Motions::new(), motion);
-            next(0, started);
+            times[0].push(milliseconds(started));
             let started = Instant::now();
-            assert!(document.middle_of_selection().is_some());
-            next(1, started);
+            let mut is_shown = document.shown_soon().1;
+            times[1].push(milliseconds(started));
+            while !is_shown {
+                std::thread::sleep(Duration::from_micros(100));
+                is_shown = document.shown_soon().1;
+            }
+            times[2].push(milliseconds(started));
+            // The same on this thread: what the window would wait for.
+            let (filter, motions) =
+                (document.shown_before().filter().clone(), document.state().motions.clone());
             let started = Instant::now();
-            assert!(document.shown().moved().is_some());
-            next(2, started);
-            0.0
-        });
-        let [change, middle, shown] = times.map(|mut all| {
+            assert!(Shown::new(Arc::clone(&scene), filter, motions).moved().is_some());
+            times[3].push(milliseconds(started));
+        }
+        let [change, waits, after, at_once] = times.map(|mut all| {
             all.sort_by(f64::total_cmp);
-            all[all.len() / 2]
+            all[RUNS / 2]
         });
-        println!("| {parts} | {change:.2} | {middle:.2} | {shown:.1} |");
+        println!("| {parts} | {change:.2} | {waits:.2} | {after:.1} | {at_once:.1} |");
     }
 }

@@ -103,3 +103,66 @@ fn caps_are_where_rays_come_out_of_what_is_cut_away_within_something_solid() {
         assert!(wrong * 200 < solid, "{wrong} of {solid}");
     }
 }
+
+/// Two boxes that touch, cut along both. Rays that enter the first where it is cut and leave it where the second begins meet both
+/// faces in one point.
+#[test]
+fn where_parts_touch_the_one_that_is_left_is_capped() {
+    let Some(context) = context() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.vxs");
+    let mut model = random_model(3, 0, DVec3::ZERO);
+    model.parts = vec![Part { name: "box".to_owned(), mesh: cuboid() }];
+    // A box from 0 to 1; as it is made, it goes from -1 to 1.
+    let unit = DAffine3::from_scale(DVec3::splat(0.5)) * DAffine3::from_translation(DVec3::ONE);
+    let turned = DAffine3::from_axis_angle(DVec3::new(0.3, 1.0, -0.4).normalize(), 0.7);
+    let world = DAffine3::from_translation(DVec3::new(120.3, -7.7, 45.1)) * turned;
+    let (first, second) = (DVec3::new(1.7, 1.3, 2.0), DVec3::new(2.3, 1.9, 2.6));
+    for (at, size) in [(DVec3::ZERO, first), (DVec3::X * first.x - 0.2 * DVec3::Y, second)] {
+        let node = model.nodes.len() as u32;
+        model.nodes.push(Node { name: "box".to_owned(), ..Node::default() });
+        let world_from_part = world * DAffine3::from_translation(at) * DAffine3::from_scale(size) * unit;
+        model.objects.push(Object { node, part: 0, world_from_part, colour: Colour([200, 90, 60, 255]) });
+    }
+    build_model(model, 7, &path);
+    let scene = Arc::new(load(&path));
+    let mut filter = Filter::default();
+    let point = world.transform_point3(DVec3::Z * 1.2);
+    filter.clip_by(Plane { normal: world.transform_vector3(-DVec3::Z), point });
+    let (eye, target) = (DVec3::new(-4.0, 2.0, 5.0), DVec3::new(1.8, 0.6, 1.2));
+    let [eye, target] = [eye, target].map(|point| world.transform_point3(point).into());
+    let projection = Projection::Perspective { fov_y_deg: 40.0 };
+    let camera = Camera { eye, target, up: [0.0, 1.0, 0.0], projection, width: SIZE.0, height: SIZE.1 };
+    // Hatching on the part's colour, between the lines and on them, and its border: sRGB of 0.8, 0.35 and 0.08 of it.
+    let caps = [[181, 81, 53, 255], [124, 53, 34, 255], [61, 22, 12, 255]];
+    let marks = Marks::default();
+    for camera in [camera, Camera { projection: Projection::Orthographic { height: 4.5 }, ..camera }] {
+        let mut walk = Walkthrough::new(Arc::clone(&scene), context, finest()).unwrap();
+        walk.set_shown(Arc::new(Shown::new(Arc::clone(&scene), filter.clone(), Motions::new()))).unwrap();
+        let lighting = Lighting::headlight();
+        let look = Look { lighting: &lighting, up: DVec3::Y, marks: &marks, shadows: None, caps: true };
+        settle(&mut walk, &camera, &look);
+        let targets = walk.renderer().targets();
+        let drawables: Vec<u32> = targets.drawable.read(context).unwrap();
+        let picture: Vec<[u8; 4]> = targets.picture.read(context).unwrap();
+        let rays = camera.rays().unwrap();
+        let (mut touching, mut wrong) = (0, 0);
+        for index in 0..picture.len() {
+            let pixel = (index as u32 % SIZE.0, index as u32 / SIZE.0);
+            let ray = rays.ray(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
+            let from_world = world.inverse();
+            let (origin, direction) =
+                (from_world.transform_point3(ray.origin), from_world.transform_vector3(ray.direction));
+            let entry = origin + (1.2 - origin.z) / direction.z * direction;
+            let exit = origin + (first.x - origin.x) / direction.x * direction;
+            let is_within = |at: DVec3| at.cmpgt(DVec3::splat(0.03)).all() && at.cmplt(first - 0.03).all();
+            // Where it enters, and where it leaves by the common face.
+            if is_within(DVec3::new(entry.x, entry.y, 1.0)) && is_within(DVec3::new(0.5, exit.y, exit.z)) {
+                touching += 1;
+                wrong += u32::from(drawables[index] != 0 || !caps.contains(&picture[index]));
+            }
+        }
+        println!("{touching} pixels where both faces are, {wrong} of them not capped");
+        assert!(touching > 1000 && wrong == 0, "{wrong} of {touching}");
+    }
+}
