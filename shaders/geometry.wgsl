@@ -7,6 +7,8 @@ struct Seen {
     @location(0) @interpolate(flat) drawable: u32,
     @location(1) @interpolate(flat) normal: u32,
     @location(2) @interpolate(flat) colour: u32,
+    // How much nearer it is drawn, but for rounding of depths; negative: it is drawn where it is.
+    @location(3) @interpolate(flat) nearer: f32,
 }
 
 struct Pixel {
@@ -19,16 +21,10 @@ struct Pixel {
 // what is cut open there.
 const INSIDE: u32 = 0x01000000u;
 
-// The inside of what is cut is drawn nearer by so many steps of its grid, and by so much of its distance (of the depth of the view, in
-// parallel projections): where two parts touch but for rounding, the one that is left is seen, not the one that begins there.
-const NEARER_STEPS: f32 = 1.0;
+// The inside of what is cut is drawn nearer by so many steps of its grid, as it is rounded, and by so much of its depth, as depths are:
+// where two parts touch but for that, the one that is left is seen, not the one that begins there.
+const NEARER_STEPS: f32 = 0.5;
 const NEARER: f32 = 2e-6;
-
-// As much nearer, as a share of the distance (of the depth of the view).
-fn nearer(instance: Instance, distance: f32) -> f32 {
-    let step = max(max(length(instance.column_x), length(instance.column_y)), length(instance.column_z));
-    return NEARER + NEARER_STEPS * step / select(view.far, distance, view.near > 0.0);
-}
 
 // Is the inside of a surface seen that is opaque and cut? By its winding, which mirrored parts turn about.
 fn is_inside(instance: Instance, normal: vec3f, towards: vec3f) -> bool {
@@ -54,10 +50,11 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, fetched: Instance) -> Seen {
     seen.drawable = instance.page.w;
     seen.normal = octahedral_pack(select(vec3f(0.0, 0.0, 1.0), facing, is_flat));
     seen.colour = instance.colour;
+    seen.nearer = -1.0;
     if is_inside(instance, normal, towards) {
         seen.colour &= ~INSIDE;
-        // Reverse-Z: in perspective the near plane's depth over the distance, else what is left of the depth.
-        seen.position.z += select(seen.position.w, seen.position.z, view.near > 0.0) * nearer(instance, seen.position.w);
+        let step = max(max(length(instance.column_x), length(instance.column_y)), length(instance.column_z));
+        seen.nearer = NEARER_STEPS * step;
     }
     return seen;
 }
@@ -69,8 +66,36 @@ fn shown_at(position: vec4f) -> vec3f {
 
 @fragment
 fn fragment_main(seen: Seen) -> Pixel {
+    // Never, where this is used; but so both have the same bindings.
     if HAS_CLIP && is_cut(shown_at(seen.position)) {
         discard;
     }
     return Pixel(seen.drawable, seen.normal, unpack4x8unorm(seen.colour));
+}
+
+// The depth that is drawn, as the depth buffer holds it. By pixels: what is drawn nearer by vertices is not flat any more.
+fn drawn_depth(seen: Seen) -> f32 {
+    if seen.nearer < 0.0 {
+        return seen.position.z;
+    }
+    let depth = depth_of(view, seen.position.z);
+    let by = min(seen.nearer + NEARER * depth, 0.5 * depth);
+    // Reverse-Z, as `depth_of` reads it.
+    return select(seen.position.z + by / view.far, view.near / (depth - by), view.near > 0.0);
+}
+
+struct CutPixel {
+    @location(0) drawable: u32,
+    @location(1) normal: u32,
+    @location(2) colour: vec4f,
+    @builtin(frag_depth) depth: f32,
+}
+
+// The same where clip planes cut something away.
+@fragment
+fn fragment_cut(seen: Seen) -> CutPixel {
+    if is_cut(shown_at(seen.position)) {
+        discard;
+    }
+    return CutPixel(seen.drawable, seen.normal, unpack4x8unorm(seen.colour), drawn_depth(seen));
 }

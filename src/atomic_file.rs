@@ -79,6 +79,7 @@ impl AtomicFile {
 }
 
 /// Writes a whole file, or nothing.
+#[cfg(feature = "viewer")]
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(bytes)?;

@@ -119,38 +119,6 @@ impl From<Camera> for CameraFile {
     }
 }
 
-/// The nearest eye that sees a whole box of these half sides, relative to its centre, along `right`, `up` and `back` of its view
-/// (orthonormal). What is seen is in the middle of the picture, which with perspective the box's centre is not. `tan`: of half the
-/// field of view, to the side and upwards; where neither is below 1, the eye may be at a corner.
-pub(crate) fn fitted(half: DVec3, (right, up, back): (DVec3, DVec3, DVec3), tan: (f64, f64)) -> DVec3 {
-    let signs = [-1.0, 1.0];
-    let corners = signs
-        .iter()
-        .flat_map(|x| signs.iter().flat_map(move |y| signs.map(|z| DVec3::new(*x, *y, z) * half)));
-    let corners: Vec<DVec3> = corners.collect();
-    // The planes through the eye that bound what is seen on the two sides of an axis touch the box where this is largest; the nearest
-    // eye behind both is where they cross.
-    let reach = |axis: DVec3, tan: f64| {
-        let reaches = corners.iter().map(|corner| corner.dot(axis) + tan * corner.dot(back));
-        reaches.fold(f64::NEG_INFINITY, f64::max)
-    };
-    let crossing = |axis: DVec3, tan: f64| {
-        let (above, below) = (reach(axis, tan), reach(-axis, tan));
-        (0.5 * (above - below), 0.5 * (above + below) / tan)
-    };
-    let distance = crossing(right, tan.0).1.max(crossing(up, tan.1).1);
-    // Along the axis that has room left, the middle is where narrower planes would cross that far away: the narrower, the farther.
-    let middle = |axis: DVec3, tan: f64| {
-        let (mut low, mut high) = (0.0, tan);
-        for _ in 0..60 {
-            let tan = 0.5 * (low + high);
-            if crossing(axis, tan).1 > distance { low = tan } else { high = tan }
-        }
-        crossing(axis, high).0
-    };
-    DVec3::new(middle(right, tan.0), middle(up, tan.1), distance)
-}
-
 /// Three numbers in JSON.
 pub type DVec3Json = [f64; 3];
 
@@ -162,14 +130,22 @@ impl Camera {
         let back = from.normalize_or(DVec3::X);
         let right = up.cross(back).normalize_or(back.any_orthonormal_vector());
         let up_in_image = back.cross(right);
-        // A little less than what is seen: a margin.
-        let tan_y = libm::tan(0.5 * f64::to_radians(fov_y_deg)) / 1.04;
+        let tan_y = libm::tan(0.5 * f64::to_radians(fov_y_deg));
         let tan_x = tan_y * f64::from(width) / f64::from(height);
-        let seen = fitted(0.5 * (max - min), (right, up_in_image, back), (tan_x, tan_y));
-        let target = centre + seen.x * right + seen.y * up_in_image;
-        let eye = target + back * seen.z.max(f64::MIN_POSITIVE);
+        // The nearest eye from which every corner of the box is inside the image, and a little more.
+        let half = 0.5 * (max - min);
+        let signs = [-1.0, 1.0];
+        let corners =
+            signs.iter().flat_map(|x| signs.iter().flat_map(move |y| signs.map(|z| DVec3::new(*x, *y, z))));
+        let needed = corners.map(|sign| {
+            let corner = sign * half;
+            let wide = (corner.dot(right).abs() / tan_x).max(corner.dot(up_in_image).abs() / tan_y);
+            wide + corner.dot(back)
+        });
+        let distance = needed.fold(f64::MIN_POSITIVE, f64::max) * 1.04;
+        let eye = centre + back * distance;
         let projection = Projection::Perspective { fov_y_deg };
-        Camera { eye: eye.into(), target: target.into(), up: up.into(), projection, width, height }
+        Camera { eye: eye.into(), target: centre.into(), up: up.into(), projection, width, height }
     }
 
     /// Checks the camera and makes its rays ready.
@@ -440,44 +416,6 @@ mod tests {
             let pick = |k: usize| if corner >> k & 1 == 1 { max[k] } else { min[k] };
             let point = DVec3::new(pick(0), pick(1), pick(2));
             assert!(frustum.iter().all(|plane| plane.reaches(point, point)), "corner {corner}");
-        }
-    }
-
-    #[test]
-    fn what_is_fitted_fills_the_picture_and_is_in_its_middle() {
-        let mut random = oorandom::Rand64::new(11);
-        for round in 0..1000 {
-            let mut vector = || DVec3::from([(); 3].map(|()| random.rand_float() - 0.5));
-            let (half, back, any) = (vector().abs(), vector().normalize(), vector());
-            let right = any.cross(back).normalize();
-            let axes = (right, back.cross(right), back);
-            let tan = (random.rand_range(1..30) as f64 / 10.0, random.rand_range(1..10) as f64 / 10.0);
-            let eye = fitted(half, axes, tan);
-            let corners = (0..8).map(|corner| {
-                let signs = DVec3::from([0, 1, 2].map(|k| if corner >> k & 1 == 1 { 1.0 } else { -1.0 }));
-                let at = DVec3::new(
-                    (signs * half).dot(axes.0),
-                    (signs * half).dot(axes.1),
-                    (signs * half).dot(back),
-                );
-                let away = at - eye;
-                assert!(away.z < 0.0);
-                // Places in a picture from -1 to 1.
-                (away.x / -away.z / tan.0, away.y / -away.z / tan.1)
-            });
-            let corners: Vec<_> = corners.collect();
-            let most = |of: &dyn Fn(&(f64, f64)) -> f64| corners.iter().map(of).fold(f64::MIN, f64::max);
-            let (right, left, top, bottom) =
-                (most(&|at| at.0), most(&|at| -at.0), most(&|at| at.1), most(&|at| -at.1));
-            let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
-            // One axis is filled on both sides; nothing is outside along the other.
-            let fills = near(right, 1.0) && near(left, 1.0) || near(top, 1.0) && near(bottom, 1.0);
-            let is_inside = [right, left, top, bottom].iter().all(|most| *most < 1.0 + 1e-9);
-            let is_in_the_middle = near(right, left) && near(top, bottom);
-            assert!(
-                fills && is_inside && is_in_the_middle,
-                "seed 11, round {round}: {right} {left} {top} {bottom}"
-            );
         }
     }
 }

@@ -39,6 +39,7 @@ pub mod filter;
 pub mod geometry;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(any(feature = "cli", feature = "lab"))]
 mod human;
 pub mod import;
 #[cfg(feature = "lab")]

@@ -9,7 +9,7 @@ use image::RgbaImage;
 
 use super::light::LightFlags;
 use super::numbers::{metres_of_unit, parse_bytes, parse_count, parse_frames, parse_size};
-use super::output::{check_output, human_bytes, print_json, print_out, write_png, write_whole};
+use super::output::{check_output, human_bytes, print_json, print_out, write_json, write_png, write_whole};
 use super::path::{FRAME, frame_name, read_views};
 use super::progress::TerminalProgress;
 use super::walk_summary::{Checked, SETTLING, Summary};
@@ -57,13 +57,13 @@ pub struct Walk {
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     size: Option<(u32, u32)>,
     /// Bytes of geometry on the GPU, at most
-    #[arg(long, default_value = "256M", value_parser = parse_bytes, value_name = "BYTES")]
+    #[arg(long, visible_alias = "budget-bytes", default_value = "256M", value_parser = parse_bytes, value_name = "BYTES")]
     budget: u64,
     /// Bytes copied there in a frame, at most
     #[arg(long, default_value = "8M", value_parser = parse_bytes, value_name = "BYTES")]
     upload: u64,
     /// Triangles drawn in a frame, at most
-    #[arg(long, default_value = "4M", value_parser = parse_count, value_name = "N")]
+    #[arg(long, visible_alias = "budget-triangles", default_value = "4M", value_parser = parse_count, value_name = "N")]
     triangles: u64,
     /// By how many pixels a level of detail may be wrong; 0 for the finest only
     #[arg(long, default_value = "0.5", value_name = "PIXELS")]
@@ -94,7 +94,10 @@ pub struct Walk {
     /// Compare the drawables of every frame with those that rays through the triangles find
     #[arg(long)]
     check: bool,
-    /// A line for each frame
+    /// A folder for the table of all frames, walk.csv, and the summary, walk.json
+    #[arg(long, value_name = "DIR", conflicts_with = "csv")]
+    out: Option<PathBuf>,
+    /// The table alone: a line for each frame
     #[arg(long, value_name = "OUT.csv")]
     csv: Option<PathBuf>,
     /// Write every frame, {frame} where its number goes
@@ -158,6 +161,9 @@ impl Walk {
         for (page, error) in walk.failed() {
             progress.remark(&format!("level {page} could not be loaded: {error}"));
         }
+        if let Some(folder) = &self.out {
+            write_json(&folder.join("walk.json"), &summary)?;
+        }
         if self.json {
             return print_json(&summary);
         }
@@ -165,8 +171,12 @@ impl Walk {
     }
 
     fn check_outputs(&self) -> Result<(), Failure> {
-        if let Some(csv) = &self.csv {
-            check_output(csv, &["csv"])?;
+        if let Some(folder) = &self.out {
+            std::fs::create_dir_all(folder)
+                .map_err(|error| format!("{}: cannot be made: {error}", folder.display()))?;
+        }
+        if let Some(csv) = self.table() {
+            check_output(&csv, &["csv"])?;
         }
         if let Some(output) = &self.output {
             check_output(output, &["png"])?;
@@ -175,6 +185,11 @@ impl Walk {
             }
         }
         Ok(())
+    }
+
+    /// Where the table goes.
+    fn table(&self) -> Option<PathBuf> {
+        self.csv.clone().or_else(|| self.out.as_ref().map(|folder| folder.join("walk.csv")))
     }
 
     fn settings(&self) -> Result<WalkSettings, Failure> {
@@ -277,7 +292,7 @@ impl Run<'_> {
         };
         let done = frames.clone().take_while(|_| !progress.is_cancelled()).try_for_each(&mut frame);
         // What was measured is kept, whatever came then.
-        let csv = self.flags.csv.as_ref().map_or(Ok(()), |csv| write_whole(csv, table.as_bytes()));
+        let csv = self.flags.table().map_or(Ok(()), |csv| write_whole(&csv, table.as_bytes()));
         done?;
         csv?;
         if progress.is_cancelled() {
@@ -368,20 +383,20 @@ fn print_summary(summary: &Summary, flags: &Walk) -> Result<(), Failure> {
         print_out!("{} levels could not be loaded: `voxsight verify` tells more", summary.failed_pages)?;
     }
     if let Some(check) = &summary.check {
-        print_out!(
-            "against exact: {:.4} % of the pixels differ (worst frame {:.4} %), {:.4} % away from silhouettes; {} drawables of 16 pixels \
-             and more lost in all frames",
-            100.0 * check.differ_mean,
-            100.0 * check.differ_worst,
-            100.0 * check.off_silhouettes_mean,
-            check.lost
-        )?;
-        if let Some(settling) = check.differ_after_cuts {
-            print_out!(
-                "(without cuts and the {SETTLING} frames after each: there {:.4} % differ)",
-                100.0 * settling
-            )?;
+        match &check.settled {
+            Some(settled) => print_out!(
+                "against exact: {:.4} % of the pixels differ (worst frame {:.4} %), {:.4} % away from silhouettes, without cuts and the \
+                 {SETTLING} frames after each",
+                100.0 * settled.differ_mean,
+                100.0 * settled.differ_worst,
+                100.0 * settled.off_silhouettes_mean
+            )?,
+            None => print_out!("against exact: no frame is later than {SETTLING} frames after a cut")?,
         }
+        if let Some(settling) = check.differ_after_cuts {
+            print_out!("in cuts and the {SETTLING} frames after each {:.4} % differ", 100.0 * settling)?;
+        }
+        print_out!("{} drawables of 16 pixels and more lost in all frames", check.lost)?;
     }
     Ok(())
 }

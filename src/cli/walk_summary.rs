@@ -28,17 +28,23 @@ pub struct Stage {
     pub worst: f64,
 }
 
-/// How all frames compare with `exact`.
+/// How frames compare with `exact`.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct CheckSummary {
-    /// Shares of the pixels of a frame later than [`SETTLING`] frames after a cut.
-    pub differ_mean: f64,
-    pub differ_worst: f64,
-    pub off_silhouettes_mean: f64,
+    /// Shares of the pixels of a frame, of those later than [`SETTLING`] frames after a cut.
+    pub settled: Option<SettledCheck>,
     /// Share of the pixels of a cut or of a frame that soon after one, when pages are still to come.
     pub differ_after_cuts: Option<f64>,
     /// Drawables of at least 16 pixels, frame by frame.
     pub lost: u64,
+}
+
+/// How settled frames compare with `exact`: shares of the pixels of a frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct SettledCheck {
+    pub differ_mean: f64,
+    pub differ_worst: f64,
+    pub off_silhouettes_mean: f64,
 }
 
 /// Figures over all frames.
@@ -165,6 +171,7 @@ impl Summary {
         self.written_share_in_motion = (smooth_frames > 0).then(|| shares / smooth_frames as f64);
         self.check = self.checked();
     }
+
     /// How the frames compare that were compared.
     fn checked(&self) -> Option<CheckSummary> {
         let mut since_cut = 0;
@@ -178,9 +185,11 @@ impl Summary {
             checks.iter().map(|check| share(of(check), check)).sum::<f64>() / checks.len().max(1) as f64
         };
         (!self.checks.is_empty()).then(|| CheckSummary {
-            differ_mean: mean(&settled, |check| check.differ),
-            differ_worst: settled.iter().map(|check| share(check.differ, check)).fold(0.0, f64::max),
-            off_silhouettes_mean: mean(&settled, |check| check.off_silhouettes),
+            settled: (!settled.is_empty()).then(|| SettledCheck {
+                differ_mean: mean(&settled, |check| check.differ),
+                differ_worst: settled.iter().map(|check| share(check.differ, check)).fold(0.0, f64::max),
+                off_silhouettes_mean: mean(&settled, |check| check.off_silhouettes),
+            }),
             differ_after_cuts: (!settling.is_empty()).then(|| mean(&settling, |check| check.differ)),
             lost: self.checks.iter().map(|check| check.lost).sum(),
         })

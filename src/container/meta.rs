@@ -54,9 +54,18 @@ pub struct Source {
     pub bytes: u64,
     /// XXH3-64 of the file, 16 hexadecimal digits.
     pub xxh3: String,
-    /// The files that it refers to, also those that were not there: relative to its folder, `/` between folders.
+    /// The files that it refers to, also those that were not there.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub referred: Vec<String>,
+    pub referred: Vec<ReferredFile>,
+}
+
+/// A file that an input file refers to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReferredFile {
+    /// Relative to the folder of the file that refers to it, `/` between folders.
+    pub name: String,
+    /// Its length; none where it was not there.
+    pub bytes: Option<u64>,
 }
 
 impl Source {

@@ -22,7 +22,9 @@ mod voxels;
 pub mod write;
 
 pub use error::{ContainerError, Damage, Problem};
-pub use meta::{Axis, Bounds, BuildReport, Counts, DagMeta, Generator, GridMeta, Meta, Settings, Source};
+pub use meta::{
+    Axis, Bounds, BuildReport, Counts, DagMeta, Generator, GridMeta, Meta, ReferredFile, Settings, Source,
+};
 pub use part::{EncodedPart, GeometryRecords, GeometryWriter, PartError, encode_part};
 pub use read::Container;
 pub use tree::SceneRecords;

@@ -276,8 +276,8 @@ fn note(fault: &Mutex<Option<GpuError>>, text: String) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(GpuError::Failed(text));
 }
 
-/// What is looked for: what `WGPU_BACKEND` says, else Vulkan, Metal, Direct3D 12. OpenGL lacks what is needed, takes long to start, and
-/// complains on stderr.
+/// What is looked for: what `WGPU_BACKEND` says, else Vulkan, Metal, Direct3D 12. OpenGL takes long to start where nobody wants it, and is
+/// not tested.
 pub fn backends() -> Backends {
     Backends::from_env().unwrap_or(Backends::PRIMARY)
 }

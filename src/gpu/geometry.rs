@@ -18,6 +18,7 @@ impl GeometryPass {
         let shader = PageShader {
             name: "geometry",
             fragment: "fragment_main",
+            fragment_cut: "fragment_cut",
             targets: vec![Some(DRAWABLE.into()), Some(NORMAL.into()), Some(COLOUR.into())],
             writes_depth: true,
         };

@@ -26,6 +26,7 @@ impl GlassPass {
         let shader = PageShader {
             name: "glass",
             fragment: "fragment_glass",
+            fragment_cut: "fragment_glass",
             targets: vec![
                 blended(GLASS_SUM, BlendFactor::One, BlendFactor::One),
                 blended(GLASS_THROUGH, BlendFactor::Zero, BlendFactor::OneMinusSrc),

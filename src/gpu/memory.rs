@@ -51,14 +51,15 @@ impl Slabs {
         Ok(slabs)
     }
 
-    /// Makes one that takes memory as it is needed: [`Slabs::reserve`]. Until then nothing is cleared, which for much memory takes
-    /// long. That there is enough is tried first.
+    /// Makes one that takes memory as it is needed. Until then nothing is cleared, which for much memory takes
+    /// long. That there is room for all of it, and for what is copied from while it grows, is tried first; others may take it later.
     ///
     /// # Errors
     ///
     /// As [`Slabs::new`].
     pub fn growing(context: &Context, what: &'static str, bytes: u64) -> Result<Self, GpuError> {
         let mut slabs = Slabs::new(context, what, bytes)?;
+        slabs.buffer(context, (slabs.most(0) / 2).next_multiple_of(4)).destroy();
         for index in 0..slabs.buffers.len() {
             let small = slabs.buffer(context, slabs.most(index as u64).min(LEAST_SLAB));
             std::mem::replace(&mut slabs.buffers[index], small).destroy();
@@ -78,6 +79,14 @@ impl Slabs {
     /// Bytes of a slab when it is as large as it gets.
     fn most(&self, index: u64) -> u64 {
         self.slab_bytes().min(self.bytes - index * self.slab_bytes())
+    }
+
+    /// Is less taken than addresses below `end` need? Slabs fill one after the other.
+    fn must_grow(&self, end: u64) -> bool {
+        let needed = |(index, buffer): (u64, &Buffer)| {
+            end.saturating_sub(index * self.slab_bytes()).min(self.most(index)) > buffer.size()
+        };
+        (0..).zip(&self.buffers).any(needed)
     }
 
     /// Takes memory for addresses below `end`; what is there stays.
@@ -208,9 +217,12 @@ impl PagedMemory {
 
     /// Writes a page by itself, at once: how it is done without gathering what changes.
     pub fn write_alone(&mut self, context: &Context, offset: u64, bytes: &[u8]) {
-        let mut encoder = context.device.create_command_encoder(&Default::default());
-        self.slabs.reserve(context, &mut encoder, offset + bytes.len() as u64);
-        context.queue.submit([encoder.finish()]);
+        let end = offset + bytes.len() as u64;
+        if self.slabs.must_grow(end) {
+            let mut encoder = context.device.create_command_encoder(&Default::default());
+            self.slabs.reserve(context, &mut encoder, end);
+            context.queue.submit([encoder.finish()]);
+        }
         self.slabs.write(context, offset, bytes);
         context.queue.submit([]);
     }

@@ -33,6 +33,8 @@ pub(super) struct PageShader {
     pub name: &'static str,
     /// Its fragment shader.
     pub fragment: &'static str,
+    /// The same where something is cut away.
+    pub fragment_cut: &'static str,
     /// What that fills.
     pub targets: Vec<Option<ColorTargetState>>,
     /// What is farther is hidden.
@@ -90,7 +92,7 @@ fn pipeline(context: &Context, pool: &Slabs, shader: &PageShader, is_cut: bool) 
         multisample: Default::default(),
         fragment: Some(wgpu::FragmentState {
             module: &module,
-            entry_point: Some(shader.fragment),
+            entry_point: Some(if is_cut { shader.fragment_cut } else { shader.fragment }),
             compilation_options: options,
             targets: &shader.targets,
         }),

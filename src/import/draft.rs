@@ -9,6 +9,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use super::error::{ImportError, excerpt};
 use super::repair::MAX_COORDINATE;
 use super::{ImportOptions, UpAxis};
+use crate::container::ReferredFile;
 use crate::model::{Colour, Mesh, Part};
 use crate::progress::Progress;
 use crate::report::Findings;
@@ -119,21 +120,25 @@ pub(super) struct Draft {
 #[derive(Default)]
 pub(super) struct Referred {
     pub bytes: u64,
-    /// Relative to the model's folder, `/` between folders; also those that were not found.
-    pub names: Vec<String>,
+    pub files: Vec<ReferredFile>,
     /// Of each file, in the order of first use.
     hashes: Vec<u64>,
 }
 
 impl Referred {
-    /// A file that was looked for.
-    pub fn name(&mut self, path: &Path) {
-        let folders: Vec<_> = path.iter().map(|name| name.to_string_lossy()).collect();
-        self.names.push(folders.join("/"));
+    /// A file that was looked for at a path relative to the model's folder, and was not there.
+    pub fn add_missing(&mut self, path: &Path) {
+        self.add_file(path, None);
     }
 
-    /// One that was found.
-    pub fn add(&mut self, content: &[u8]) {
+    fn add_file(&mut self, path: &Path, bytes: Option<u64>) {
+        let folders: Vec<_> = path.iter().map(|name| name.to_string_lossy()).collect();
+        self.files.push(ReferredFile { name: folders.join("/"), bytes });
+    }
+
+    /// One that was read.
+    pub fn add(&mut self, path: &Path, content: &[u8]) {
+        self.add_file(path, Some(content.len() as u64));
         self.bytes += content.len() as u64;
         self.hashes.push(xxh3_64(content));
     }

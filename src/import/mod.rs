@@ -45,6 +45,7 @@ use draft::{Draft, Referred, Source};
 pub use error::ImportError;
 use files::Entry;
 
+use crate::container::{self, ReferredFile};
 use crate::model::{Model, NodeId};
 use crate::progress::Progress;
 use crate::report::Findings;
@@ -95,13 +96,13 @@ pub struct SourceFile {
     pub format: Format,
     /// XXH3-64 of the file; if it refers to others, of its hash and theirs, each as 8 bytes, in the order of use.
     pub xxh3: u64,
-    /// The files that it refers to, also those that are not there: relative to its folder, `/` between folders.
-    pub referred: Vec<String>,
+    /// The files that it refers to, also those that are not there.
+    pub referred: Vec<ReferredFile>,
 }
 
-impl From<&SourceFile> for crate::container::meta::Source {
+impl From<&SourceFile> for container::Source {
     fn from(source: &SourceFile) -> Self {
-        crate::container::meta::Source {
+        container::Source {
             name: source.name.clone(),
             bytes: source.bytes,
             xxh3: format!("{:016x}", source.xxh3),
@@ -239,7 +240,7 @@ fn read(
     let size = bytes.len() as u64;
     progress.advance(size);
     let xxh3 = draft.referred.hash_with(&bytes);
-    let Referred { bytes: more, names: referred, .. } = std::mem::take(&mut draft.referred);
+    let Referred { bytes: more, files: referred, .. } = std::mem::take(&mut draft.referred);
     let source = SourceFile { name: name.clone(), bytes: size + more, format, xxh3, referred };
     Ok(Some(ReadFile { source, draft }))
 }

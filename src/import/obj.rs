@@ -260,14 +260,20 @@ impl<'a> Obj<'a> {
             return self.count("material libraries skipped: more than 64", 1, || format!(": \"{file}\""));
         }
         self.libraries.push(file.to_owned());
+        let read = files::read_beside(self.source, file);
+        // What leads out of the folder is no file of the model.
         if let Ok(path) = files::resolve(self.source, file) {
-            self.draft.referred.name(&path);
-        }
-        match files::read_beside(self.source, file) {
-            Ok(library) => {
-                self.draft.referred.add(&library);
-                self.materials.add(&library);
+            match &read {
+                Ok(library) => self.draft.referred.add(&path, library),
+                Err(ImportError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                    self.draft.referred.add_missing(&path);
+                }
+                // It is there, but nothing that is read.
+                Err(_) => {}
             }
+        }
+        match read {
+            Ok(library) => self.materials.add(&library),
             // `mtllib a.mtl b.mtl` and a name with a space cannot be told apart but by trying.
             Err(ImportError::Io { .. }) if file.contains(' ') => {
                 file.split_whitespace().for_each(|part| self.library(part));

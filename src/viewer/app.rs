@@ -55,9 +55,7 @@ impl Interrupt {
         self.wake();
         is_again || self.window.get().is_none()
     }
-}
 
-impl Interrupt {
     /// Something has come that the window looks for in its next frame.
     fn wake(&self) {
         if let Some(window) = self.window.get() {
@@ -105,8 +103,10 @@ pub fn run(options: ViewerOptions) -> Result<(), ViewerError> {
         wgpu_options: WgpuConfiguration { wgpu_setup: setup(options.adapter.clone()), ..Default::default() },
         ..Default::default()
     };
-    // Begins before there is a window, which takes its time too.
-    let stage = begin(&options.path, &options.interrupt);
+    // A scene that is there is loaded while the window opens. What has to be made first waits for the window: until then Ctrl-C ends
+    // the program at once, and would leave half of it.
+    let is_there = options.path.extension().is_some_and(|extension| extension == "vxs");
+    let stage = is_there.then(|| begin(&options.path, &options.interrupt));
     let make = move |creation: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, Box<dyn std::error::Error + Send + Sync>> {
         Ok(Box::new(App::new(creation, options, stage, told)?))
     };
@@ -169,7 +169,7 @@ struct Open {
     had_focus: bool,
     /// The picture was not at rest then.
     was_moving: bool,
-    /// Since when its first picture is waited for, and how long it took to load.
+    /// Since when its first picture is waited for, and how long loading took.
     opening: Option<(Instant, Duration)>,
 }
 
@@ -192,7 +192,7 @@ impl App {
     fn new(
         creation: &eframe::CreationContext<'_>,
         options: ViewerOptions,
-        stage: Stage,
+        stage: Option<Stage>,
         outcome: Arc<std::sync::Mutex<Option<String>>>,
     ) -> Result<Self, Box<dyn std::error::Error + Send + Sync>> {
         let window =
@@ -220,7 +220,7 @@ impl App {
             options.input_options.surrender_focus_on = egui::SurrenderFocusOn::Presses;
         });
         Ok(App {
-            stage,
+            stage: stage.unwrap_or_else(|| begin(&options.path, &options.interrupt)),
             preferences: loaded.preferences,
             window,
             context,
@@ -236,7 +236,7 @@ impl App {
 
     /// Opens what was loaded.
     fn open(&mut self, opened: Opened, since: Instant, egui: &egui::Context) -> Result<Open, String> {
-        let loaded = since.elapsed();
+        let loaded = opened.took;
         self.preferences.remember(&opened.path);
         let repaint = egui.clone();
         let mut session = Session::new(opened, self.preferences.clone(), move || repaint.request_repaint())
@@ -481,7 +481,7 @@ impl Open {
             && let Some((since, loaded)) = opening.take()
         {
             let [first, loaded] = [since.elapsed(), loaded].map(|time| time.as_secs_f64());
-            session.tell(format!("first picture after {first:.2} s, loaded after {loaded:.2} s"));
+            session.tell(format!("first picture after {first:.2} s, {loaded:.2} s of it for loading"));
         }
         Ok(())
     }

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
-use crate::container::{ContainerError, Source};
+use crate::container::{ContainerError, ReferredFile, Source};
 use crate::import::{ImportError, ImportOptions, import};
 use crate::loaded::LoadedScene;
 use crate::prepare::{BuildError, BuildSettings, build};
@@ -92,6 +92,8 @@ pub struct Opened {
     pub path: PathBuf,
     /// What was repaired while it was made, a line each; empty for scenes that were there.
     pub remarks: Vec<String>,
+    /// How long it took.
+    pub took: Duration,
 }
 
 /// Loading under way. Dropped, it is cancelled, and waited for: it leaves nothing half-written.
@@ -167,9 +169,10 @@ impl Drop for Loading {
 ///
 /// See [`OpenError`].
 pub fn open(path: &Path, progress: &dyn Progress) -> Result<Opened, OpenError> {
+    let began = Instant::now();
     if path.extension() == Some(OsStr::new("vxs")) {
         let scene = Arc::new(LoadedScene::new(Scene::open(path)?, progress)?);
-        return Ok(Opened { scene, path: path.to_owned(), remarks: Vec::new() });
+        return Ok(Opened { scene, path: path.to_owned(), remarks: Vec::new(), took: began.elapsed() });
     }
     let cache = cache_of(path)?;
     let written = std::fs::metadata(&cache).and_then(|meta| meta.modified()).ok();
@@ -188,7 +191,8 @@ pub fn open(path: &Path, progress: &dyn Progress) -> Result<Opened, OpenError> {
             (Scene::open(&cache)?, remarks)
         }
     };
-    Ok(Opened { scene: Arc::new(LoadedScene::new(scene, progress)?), path: cache, remarks })
+    let scene = Arc::new(LoadedScene::new(scene, progress)?);
+    Ok(Opened { scene, path: cache, remarks, took: began.elapsed() })
 }
 
 /// Where the scene of a model is kept: `pump.glb` has `pump.glb.view.vxs` beside it, the folder `plant` has `plant.view.vxs`. Nobody
@@ -217,21 +221,15 @@ fn is_current(scene: &Scene, kept: SystemTime, model: &Path) -> std::io::Result<
         // A folder's files have paths in it.
         let file = if is_folder { model.join(&source.name) } else { model.to_owned() };
         let folder = file.parent().unwrap_or(Path::new(""));
-        let referred = source.referred.iter().map(|name| folder.join(name));
-        let mut bytes = 0;
-        for path in std::iter::once(file.clone()).chain(referred) {
-            match std::fs::metadata(&path) {
-                Ok(meta) if meta.is_file() => {
-                    bytes += meta.len();
-                    newest = newest.max(meta.modified()?);
-                }
-                Ok(_) => {}
-                // A material library may be missing, and come later.
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-                Err(error) => return Err(error),
-            }
+        let mut own_length = source.bytes;
+        for ReferredFile { name, bytes } in &source.referred {
+            own_length = own_length.saturating_sub(bytes.unwrap_or(0));
+            // What cannot be looked at is not there: reading it will say why, if it must. What was missing may come later.
+            let meta = std::fs::metadata(folder.join(name)).ok().filter(std::fs::Metadata::is_file);
+            lengths_are_right &= *bytes == meta.as_ref().map(std::fs::Metadata::len);
+            newest = newest.max(meta.and_then(|meta| meta.modified().ok()).unwrap_or(newest));
         }
-        lengths_are_right &= bytes == source.bytes;
+        lengths_are_right &= std::fs::metadata(&file).is_ok_and(|meta| meta.len() == own_length);
     }
     Ok(lengths_are_right && kept > newest)
 }

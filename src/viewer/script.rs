@@ -122,14 +122,15 @@ impl Script {
         let wrong = |step| move |source| ScriptError::Step { path: path.to_owned(), step, source };
         let values: Vec<Value> = serde_json::from_str(&text).map_err(wrong(0))?;
         let step = |(number, value): (usize, Value)| {
-            let kind = value.get("do").and_then(Value::as_str).unwrap_or_default();
-            let step = if OWN.contains(&kind) {
+            let kind = value.get("do").and_then(Value::as_str).unwrap_or_default().to_owned();
+            let step = if OWN.contains(&kind.as_str()) {
                 read_step(value).map(Step::Own)
             } else {
                 read_step(value).map(Step::Action)
             };
             // Of what it might have been, the error lists the actions alone.
-            let is_unknown = |error: &serde_json::Error| error.to_string().starts_with("unknown variant");
+            let unknown = format!("unknown variant `{kind}`");
+            let is_unknown = |error: &serde_json::Error| error.to_string().starts_with(&unknown);
             let step = step.map_err(|error| {
                 let others = OWN.map(|name| format!("`{name}`")).join(", ");
                 if is_unknown(&error) { Error::custom(format!("{error}, {others}")) } else { error }

@@ -115,7 +115,7 @@ fn where_parts_touch_the_one_that_is_left_is_capped() {
     model.parts = vec![Part { name: "box".to_owned(), mesh: cuboid() }];
     // A box from 0 to 1; as it is made, it goes from -1 to 1.
     let unit = DAffine3::from_scale(DVec3::splat(0.5)) * DAffine3::from_translation(DVec3::ONE);
-    let turned = DAffine3::from_axis_angle(DVec3::new(0.3, 1.0, -0.4).normalize(), 0.7);
+    let turned = DAffine3::from_axis_angle(DVec3::new(0.3, 1.0, -0.4).normalize_or_zero(), 0.7);
     let world = DAffine3::from_translation(DVec3::new(120.3, -7.7, 45.1)) * turned;
     let (first, second) = (DVec3::new(1.7, 1.3, 2.0), DVec3::new(2.3, 1.9, 2.6));
     for (at, size) in [(DVec3::ZERO, first), (DVec3::X * first.x - 0.2 * DVec3::Y, second)] {
@@ -129,14 +129,22 @@ fn where_parts_touch_the_one_that_is_left_is_capped() {
     let mut filter = Filter::default();
     let point = world.transform_point3(DVec3::Z * 1.2);
     filter.clip_by(Plane { normal: world.transform_vector3(-DVec3::Z), point });
-    let (eye, target) = (DVec3::new(-4.0, 2.0, 5.0), DVec3::new(1.8, 0.6, 1.2));
-    let [eye, target] = [eye, target].map(|point| world.transform_point3(point).into());
-    let projection = Projection::Perspective { fov_y_deg: 40.0 };
-    let camera = Camera { eye, target, up: [0.0, 1.0, 0.0], projection, width: SIZE.0, height: SIZE.1 };
+    let looking = |eye: DVec3, target: DVec3| Camera {
+        eye: world.transform_point3(eye).into(),
+        target: world.transform_point3(target).into(),
+        up: [0.0, 1.0, 0.0],
+        projection: Projection::Perspective { fov_y_deg: 40.0 },
+        width: SIZE.0,
+        height: SIZE.1,
+    };
+    let outside = looking(DVec3::new(-4.0, 2.0, 5.0), DVec3::new(1.8, 0.6, 1.2));
+    let parallel = Camera { projection: Projection::Orthographic { height: 4.5 }, ..outside };
+    // From within what is cut away, most of it beside and behind the eye.
+    let inside = looking(DVec3::new(0.9, 0.5, 1.5), DVec3::new(1.7, 0.7, 0.8));
     // Hatching on the part's colour, between the lines and on them, and its border: sRGB of 0.8, 0.35 and 0.08 of it.
     let caps = [[181, 81, 53, 255], [124, 53, 34, 255], [61, 22, 12, 255]];
     let marks = Marks::default();
-    for camera in [camera, Camera { projection: Projection::Orthographic { height: 4.5 }, ..camera }] {
+    for camera in [outside, parallel, inside] {
         let mut walk = Walkthrough::new(Arc::clone(&scene), context, finest()).unwrap();
         walk.set_shown(Arc::new(Shown::new(Arc::clone(&scene), filter.clone(), Motions::new()))).unwrap();
         let lighting = Lighting::headlight();

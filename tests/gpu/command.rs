@@ -38,6 +38,9 @@ fn a_walk_writes_a_table_pictures_and_a_summary() {
         "{summary}"
     );
     assert_eq!(summary["missing_late"], 0);
+    // The first frame is a cut: it and those soon after it are told apart.
+    assert!(summary["check"]["differ_after_cuts"].is_number(), "{summary}");
+    assert!(summary["check"]["settled"]["differ_worst"].as_f64().unwrap() < 0.02, "{summary}");
     let table = std::fs::read_to_string(&csv).unwrap();
     let columns = table.lines().next().unwrap().split(',').count();
     assert_eq!(table.lines().count(), 9);
@@ -53,10 +56,19 @@ fn a_walk_writes_a_table_pictures_and_a_summary() {
         last[at].parse().unwrap()
     };
     assert!(value("check_lost") == 0.0 && value("drawn") > 0.0 && value("resident") > 0.0, "{last:?}");
-    // Shadows, and figures for people.
-    let told =
-        ok(&["walk", &scene, "--walk", "2", "--size", "64x64", "--shadows", "voxel", "--streaming", "each"]);
+    // Shadows, figures for people, and all of it in a folder that need not be there.
+    let out = sample.path("results/walk");
+    let mut shadowed = vec!["walk", &scene, "--walk", "2", "--size", "64x64", "--shadows", "voxel"];
+    shadowed.extend(["--streaming", "each", "--out", &out, "--budget-triangles", "100k"]);
+    let told = ok(&shadowed);
+    assert_eq!(std::fs::read_to_string(format!("{out}/walk.csv")).unwrap().lines().count(), 3);
+    let kept = std::fs::read_to_string(format!("{out}/walk.json")).unwrap();
+    let kept: serde_json::Value = serde_json::from_str(&kept).unwrap();
+    assert_eq!(kept["triangle_budget"], 100_000);
     assert!(told.contains("shadow") && told.contains("resident"), "{told}");
+    // None of two frames has settled: that is no agreement.
+    let told = ok(&["walk", &scene, "--walk", "2", "--size", "64x64", "--check"]);
+    assert!(told.contains("no frame is later") && !told.contains("(worst frame"), "{told}");
 }
 
 #[test]

@@ -111,6 +111,15 @@ fn files_that_a_model_refers_to_are_looked_at_wherever_they_are() {
     write_triangle(folder.path(), 3.0);
     set_time(&folder.path().join("buffers/part.bin"), 20);
     assert!((size() - 3.0).abs() < 1e-3, "{}", size());
+    // A line of libraries too long for a name, one of which is there: kept all the same.
+    let long = folder.path().join("long.obj");
+    write_box(&long, 1.0);
+    let libraries = format!("mtllib {} a.mtl b.mtl/x", "x.mtl ".repeat(60));
+    fs::write(&long, format!("{libraries}\n{}", fs::read_to_string(&long).unwrap())).unwrap();
+    fs::write(folder.path().join("a.mtl"), "newmtl red\nKd 1 0 0\n").unwrap();
+    open(&long, &Silent).unwrap();
+    set_time(&folder.path().join("long.obj.view.vxs"), 10);
+    assert!(open(&long, &Silent).unwrap().remarks.is_empty(), "it is kept");
     // A material library that comes later.
     let model = folder.path().join("box.obj");
     write_box(&model, 1.0);
@@ -149,13 +158,16 @@ fn steps_of_scripts_have_no_fields_that_mean_nothing() {
     };
     read(r#"[{"do":"hide"},{"do":"wait"},{"do":"add_section","axis":"x"},{"do":"look_from","side":"top"}]"#)
         .unwrap();
+    Script::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/viewer_session.json")).unwrap();
     for (wrong, part) in [
         (r#"[{"do":"hide","path":"/pump"}]"#, "there is no field `path`"),
         (r#"[{"do":"undo"},{"do":"click","x":1,"y":1,"button":2}]"#, "step 1"),
         (r#"[{"do":"jump"}]"#, "unknown variant `jump`"),
+        (r#"[{"do":"add_section","axis":"w"}]"#, "unknown variant `w`"),
         (r#"[{"do":"jump"}]"#, "`check_lost`, `wait`, `click`"),
     ] {
         let told = read(wrong).unwrap_err().to_string();
+        assert!(!told.contains("`wait`") || told.contains("jump"), "{told}");
         assert!(told.contains(part) && told.contains("steps.json"), "{told}");
     }
 }

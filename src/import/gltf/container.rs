@@ -116,8 +116,7 @@ impl<'a> Buffers<'a> {
                     let index = known.map_or_else(
                         || {
                             let content = files::read_beside(source, &name)?;
-                            buffers.referred.name(&path);
-                            buffers.referred.add(&content);
+                            buffers.referred.add(&path, &content);
                             buffers.loaded.push(content);
                             Ok(buffers.loaded.len() - 1)
                         },

@@ -327,11 +327,6 @@ impl Document {
         self.showing.soon(&self.scene, &self.state)
     }
 
-    /// What [`Document::shown_soon`] told last.
-    pub fn shown_before(&self) -> &Arc<Shown> {
-        self.showing.before()
-    }
-
     /// The mean of the selected parts' own middles, where they are now; `None` where nothing is selected. It turns with them: back and
     /// forth ends where it began.
     pub fn middle_of_selection(&self) -> Option<DVec3> {
@@ -508,7 +503,7 @@ mod tests {
         let mut document = document_of(plant(&PlantSettings { objects: 6000, triangles: 100_000, seed: 1 }));
         document.select(0..6000);
         let objects = document.selected().clone();
-        let first = Arc::clone(document.shown_before());
+        let (first, _) = document.shown_soon();
         let move_all = |document: &mut Document, x: f64| {
             document.drag_by("Move", &objects, &Motions::new(), DAffine3::from_translation(DVec3::X * x));
         };
@@ -533,7 +528,7 @@ mod tests {
             std::thread::yield_now();
         }
         assert_eq!(seen, [0.0, 1.0, 2.0]);
-        assert!(Arc::ptr_eq(&document.shown(), document.shown_before()));
+        assert!(Arc::ptr_eq(&document.shown(), &document.shown_soon().0));
         // A plane, and little that is moved, are there at once.
         let plane = Plane { normal: DVec3::X, point: DVec3::ONE };
         document.change("Add section", |state| {
@@ -542,7 +537,32 @@ mod tests {
         let (shown, is_newest) = document.shown_soon();
         assert!(is_newest && shown.filter().clip_planes() == [plane] && x_of(&shown) == 2.0);
         document.undo();
+        // A plane that is added while parts are made ready cuts what has become of them.
+        move_all(&mut document, 3.0);
+        assert!(!document.shown_soon().1);
+        document.change("Add section", |state| {
+            state.sections.push(Section { name: "a".into(), plane, is_on: true });
+        });
+        while !document.shown_soon().1 {
+            std::thread::yield_now();
+        }
+        let (shown, _) = document.shown_soon();
+        assert!(shown.filter().clip_planes() == [plane] && x_of(&shown) == 3.0);
         document.undo();
-        assert!(document.shown_soon().1 && document.shown_before().moved().is_none());
+        document.end_gesture();
+        // What is taken back while it is made ready is not seen.
+        move_all(&mut document, 4.0);
+        assert!(!document.shown_soon().1);
+        while document.undo().is_some() {}
+        let (none, is_newest) = document.shown_soon();
+        assert!(is_newest && none.moved().is_none());
+        move_all(&mut document, 5.0);
+        loop {
+            let (shown, is_newest) = document.shown_soon();
+            assert!([0.0, 5.0].contains(&x_of(&shown)), "{}", x_of(&shown));
+            if is_newest {
+                break;
+            }
+        }
     }
 }

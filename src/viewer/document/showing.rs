@@ -23,8 +23,10 @@ pub(super) struct Showing {
 
 struct Making {
     made: Receiver<Arc<Shown>>,
-    /// The state has changed since.
-    is_old: bool,
+    /// What it is made of.
+    state: Arc<State>,
+    /// A newer one was shown since.
+    is_passed: bool,
 }
 
 impl Showing {
@@ -37,16 +39,8 @@ impl Showing {
     /// The state is another one.
     pub fn replace(&mut self, before: &State, after: &State) {
         // Where planes alone are others, the rest is taken over: one is dragged.
-        let alike = Arc::ptr_eq(&before.hidden, &after.hidden)
-            && Arc::ptr_eq(&before.seen_through, &after.seen_through)
-            && Arc::ptr_eq(&before.motions, &after.motions);
-        let newest = self.newest.take().filter(|_| alike);
-        self.newest = newest.map_or_else(OnceLock::new, |shown| {
-            OnceLock::from(Arc::new(shown.with_planes(planes(after).collect())))
-        });
-        if let Some(making) = &mut self.making {
-            making.is_old = true;
-        }
+        let newest = self.newest.take().filter(|_| is_same_but_for_planes(before, after));
+        self.newest = newest.map_or_else(OnceLock::new, |shown| OnceLock::from(with_planes(&shown, after)));
     }
 
     /// Of the state as it is.
@@ -56,29 +50,30 @@ impl Showing {
 
     /// Of the state as it is, if that is made or quickly made; else the newest that is, and a thread makes it. Is it of this state?
     pub fn soon(&mut self, scene: &Arc<LoadedScene>, state: &Arc<State>) -> (Arc<Shown>, bool) {
-        let has_died = !self.take_made();
+        let has_died = !self.take_made(state);
         let at_once = has_died || state.motions.len() <= MOST_AT_ONCE || self.newest.get().is_some();
         if at_once || (self.making.is_none() && !self.begin(scene, state)) {
             self.before = self.now(scene, state);
+            if let Some(making) = &mut self.making {
+                making.is_passed = true;
+            }
             return (Arc::clone(&self.before), true);
         }
         (Arc::clone(&self.before), false)
     }
 
-    /// What was last told.
-    pub fn before(&self) -> &Arc<Shown> {
-        &self.before
-    }
-
-    /// Takes over what the thread has made: also of a state that has passed, so that a long drag is seen on its way. False: it has
-    /// panicked.
-    fn take_made(&mut self) -> bool {
+    /// Takes over what the thread has made. False: it has panicked.
+    fn take_made(&mut self, state: &State) -> bool {
         let Some(making) = &self.making else { return true };
         let mut lives = true;
         match making.made.try_recv() {
-            Ok(made) if making.is_old => self.before = made,
-            // Where it was made here meanwhile, that one is as good.
-            Ok(made) => self.before = Arc::clone(self.newest.get_or_init(|| made)),
+            Ok(made) if is_same_but_for_planes(&making.state, state) => {
+                // Where it was made here meanwhile, that one is as good.
+                self.newest.get_or_init(|| with_planes(&made, state));
+            }
+            // Of a state that has passed: a long drag is seen on its way, but what was taken back is not seen again.
+            Ok(made) if !making.is_passed => self.before = made,
+            Ok(_) => {}
             Err(TryRecvError::Empty) => return true,
             Err(TryRecvError::Disconnected) => lives = false,
         }
@@ -88,15 +83,25 @@ impl Showing {
 
     /// Begins to make it on a thread. Does the system have one?
     fn begin(&mut self, scene: &Arc<LoadedScene>, state: &Arc<State>) -> bool {
-        let (scene, state) = (Arc::clone(scene), Arc::clone(state));
+        let (scene, of, state) = (Arc::clone(scene), Arc::clone(state), Arc::clone(state));
         let (tell, made) = channel();
         let thread = std::thread::Builder::new().name("showing".into()).spawn(move || {
             // Nobody waits any more: the document is closed.
-            let _ = tell.send(Arc::new(make(&scene, &state)));
+            let _ = tell.send(Arc::new(make(&scene, &of)));
         });
-        self.making = thread.is_ok().then_some(Making { made, is_old: false });
+        self.making = thread.is_ok().then_some(Making { made, state, is_passed: false });
         self.making.is_some()
     }
+}
+
+fn is_same_but_for_planes(a: &State, b: &State) -> bool {
+    Arc::ptr_eq(&a.hidden, &b.hidden)
+        && Arc::ptr_eq(&a.seen_through, &b.seen_through)
+        && Arc::ptr_eq(&a.motions, &b.motions)
+}
+
+fn with_planes(shown: &Shown, state: &State) -> Arc<Shown> {
+    Arc::new(shown.with_planes(planes(state).collect()))
 }
 
 fn make(scene: &Arc<LoadedScene>, state: &State) -> Shown {

@@ -117,7 +117,7 @@ impl Session {
     ) -> Result<Self, SessionError> {
         let told: Arc<dyn Fn() + Send + Sync> = Arc::new(told);
         let search_told = Arc::clone(&told);
-        let Opened { scene, path, remarks } = opened;
+        let Opened { scene, path, remarks, .. } = opened;
         let meta = scene.scene().meta();
         let (min, max) = (DVec3::from(meta.bounds.min), DVec3::from(meta.bounds.max));
         let mut navigator = Navigator::new(min, max, meta.settings.up.unit(), meta.settings.metres_per_unit)?;
@@ -240,7 +240,8 @@ impl Session {
         if self.playing.is_some() {
             return;
         }
-        self.navigator.step(seconds, motion, &**self.document.shown_before());
+        let (shown, _) = self.document.shown_soon();
+        self.navigator.step(seconds, motion, &*shown);
     }
 
     fn take_found(&mut self) {

@@ -181,7 +181,8 @@ impl Viewport {
     /// Remembers a view with its picture, as soon as that has come back.
     fn remember(&mut self, session: &mut Session) -> Result<(), GpuError> {
         let targets = self.walk.renderer().targets();
-        if self.thumbnail.is_none() && !session.wanted_bookmarks.is_empty() {
+        // A view is kept with a picture of what it shows.
+        if self.thumbnail.is_none() && !session.wanted_bookmarks.is_empty() && !self.is_showing_late {
             self.thumbnail = Some((targets.picture.read_later(&self.context), targets.size));
         }
         let Some((read, (width, height))) = &self.thumbnail else { return Ok(()) };
@@ -224,7 +225,7 @@ impl Viewport {
                 scene.object_drawables(object).for_each(|drawable| self.marks.set(drawable, SELECTED, true));
             }
         }
-        if std::mem::take(&mut session.is_check_wanted) {
+        if !self.is_showing_late && std::mem::take(&mut session.is_check_wanted) {
             self.begin_check(session);
         }
         Ok(())
