@@ -21,8 +21,8 @@ struct Pixel {
 // what is cut open there.
 const INSIDE: u32 = 0x01000000u;
 
-// The inside of what is cut is drawn nearer by so many steps of its grid, as it is rounded, and by so much of its depth, as depths are:
-// where two parts touch but for that, the one that is left is seen, not the one that begins there.
+// The inside of what is cut is drawn nearer by so many steps of its grid, as it is rounded, and by so much of depths, as they are: where
+// two parts touch but for that, the one that is left is seen, not the one that begins there.
 const NEARER_STEPS: f32 = 0.5;
 const NEARER: f32 = 2e-6;
 
@@ -54,7 +54,9 @@ fn vertex_main(@builtin(vertex_index) vertex: u32, fetched: Instance) -> Seen {
     if is_inside(instance, normal, towards) {
         seen.colour &= ~INSIDE;
         let step = max(max(length(instance.column_x), length(instance.column_y)), length(instance.column_z));
-        seen.nearer = NEARER_STEPS * step;
+        // Along the view a slanted face is farther off.
+        let slant = abs(dot(normal, towards)) / max(length(towards), 1e-30);
+        seen.nearer = NEARER_STEPS * step / max(slant, 0.2);
     }
     return seen;
 }
@@ -79,9 +81,11 @@ fn drawn_depth(seen: Seen) -> f32 {
         return seen.position.z;
     }
     let depth = depth_of(view, seen.position.z);
-    let by = min(seen.nearer + NEARER * depth, 0.5 * depth);
+    // In perspective depths are rounded to a share of themselves, in parallel projections to a share of all.
+    let rounding = NEARER * select(view.far, depth, view.near > 0.0);
+    let by = min(seen.nearer + rounding, 0.5 * depth);
     // Reverse-Z, as `depth_of` reads it.
-    return select(seen.position.z + by / view.far, view.near / (depth - by), view.near > 0.0);
+    return min(select(seen.position.z + by / view.far, view.near / (depth - by), view.near > 0.0), 1.0);
 }
 
 struct CutPixel {

@@ -111,6 +111,9 @@ pub struct Walk {
     adapter: Option<String>,
 }
 
+/// The summary in a folder of results.
+const SUMMARY: &str = "walk.json";
+
 #[derive(Clone, Copy, ValueEnum)]
 enum LatencyName {
     None,
@@ -148,6 +151,9 @@ impl Walk {
         let metres = metres_of_unit(&meta.unit)
             .ok_or_else(|| format!("the scene's unit \"{}\" is not known", meta.unit))?;
         let lighting = self.light.lighting(meta.up.unit(), metres)?;
+        if let Some(folder) = &self.out {
+            make_folder(folder)?;
+        }
         let mut walk = Walkthrough::new(Arc::clone(&scene), &context, settings)?;
         if has_shadows {
             progress.stage("load voxels", 0, "");
@@ -162,7 +168,7 @@ impl Walk {
             progress.remark(&format!("level {page} could not be loaded: {error}"));
         }
         if let Some(folder) = &self.out {
-            write_json(&folder.join("walk.json"), &summary)?;
+            write_json(&folder.join(SUMMARY), &summary)?;
         }
         if self.json {
             return print_json(&summary);
@@ -171,12 +177,8 @@ impl Walk {
     }
 
     fn check_outputs(&self) -> Result<(), Failure> {
-        if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder)
-                .map_err(|error| format!("{}: cannot be made: {error}", folder.display()))?;
-        }
-        if let Some(csv) = self.table() {
-            check_output(&csv, &["csv"])?;
+        if let Some(csv) = &self.csv {
+            check_output(csv, &["csv"])?;
         }
         if let Some(output) = &self.output {
             check_output(output, &["png"])?;
@@ -228,6 +230,16 @@ impl Walk {
         let count = self.walk.unwrap_or(1);
         let settings = ViewSettings { count, seed: self.seed, size: self.size.unwrap_or((1024, 1024)) };
         Ok(walk(&space, &settings)?.0)
+    }
+}
+
+/// Makes a folder for results, without the summary of an earlier walk: a walk that is stopped writes none.
+fn make_folder(folder: &Path) -> Result<(), Failure> {
+    let told = |error: std::io::Error| format!("{}: cannot be written to: {error}", folder.display());
+    std::fs::create_dir_all(folder).map_err(told)?;
+    match std::fs::remove_file(folder.join(SUMMARY)) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(told(error).into()),
+        _ => Ok(()),
     }
 }
 

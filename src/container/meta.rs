@@ -54,7 +54,7 @@ pub struct Source {
     pub bytes: u64,
     /// XXH3-64 of the file, 16 hexadecimal digits.
     pub xxh3: String,
-    /// The files that it refers to, also those that were not there.
+    /// The files that it refers to, also those that were not read.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub referred: Vec<ReferredFile>,
 }
@@ -64,7 +64,7 @@ pub struct Source {
 pub struct ReferredFile {
     /// Relative to the folder of the file that refers to it, `/` between folders.
     pub name: String,
-    /// Its length; none where it was not there.
+    /// Its length; none where it was not there, or was not read.
     pub bytes: Option<u64>,
 }
 

@@ -59,7 +59,7 @@ impl Slabs {
     /// As [`Slabs::new`].
     pub fn growing(context: &Context, what: &'static str, bytes: u64) -> Result<Self, GpuError> {
         let mut slabs = Slabs::new(context, what, bytes)?;
-        slabs.buffer(context, (slabs.most(0) / 2).next_multiple_of(4)).destroy();
+        slabs.buffer(context, (slabs.most(0).next_power_of_two() / 2).max(4)).destroy();
         for index in 0..slabs.buffers.len() {
             let small = slabs.buffer(context, slabs.most(index as u64).min(LEAST_SLAB));
             std::mem::replace(&mut slabs.buffers[index], small).destroy();

@@ -126,8 +126,8 @@ pub(super) struct Referred {
 }
 
 impl Referred {
-    /// A file that was looked for at a path relative to the model's folder, and was not there.
-    pub fn add_missing(&mut self, path: &Path) {
+    /// A file that was looked for at a path relative to the model's folder, but was not there, or could not be read.
+    pub fn add_unread(&mut self, path: &Path) {
         self.add_file(path, None);
     }
 

@@ -177,6 +177,16 @@ fn unsafe_path(source: &Source, uri: &str, reason: &'static str) -> ImportError 
     ImportError::UnsafePath { file: source.name.to_owned(), uri, reason }
 }
 
+/// Length of a file that a model in `folder` refers to by this relative path, if it could be read as [`read_beside`] does.
+#[cfg(feature = "viewer")]
+pub(crate) fn length_beside(folder: &Path, relative: &str) -> Option<u64> {
+    let folder = if folder == Path::new("") { Path::new(".") } else { folder };
+    let folder = fs::canonicalize(folder).ok()?;
+    let target = fs::canonicalize(folder.join(relative)).ok().filter(|target| target.starts_with(&folder))?;
+    let meta = fs::File::open(target).and_then(|file| file.metadata()).ok()?;
+    meta.is_file().then_some(meta.len())
+}
+
 /// Reads a file that `source` refers to by `uri` (decoded), which must be in the same folder or below it.
 pub(super) fn read_beside(source: &Source, uri: &str) -> Result<Vec<u8>, ImportError> {
     let relative = resolve(source, uri)?;

@@ -44,6 +44,8 @@ pub use detect::Format;
 use draft::{Draft, Referred, Source};
 pub use error::ImportError;
 use files::Entry;
+#[cfg(feature = "viewer")]
+pub(crate) use files::length_beside;
 
 use crate::container::{self, ReferredFile};
 use crate::model::{Model, NodeId};
@@ -96,7 +98,7 @@ pub struct SourceFile {
     pub format: Format,
     /// XXH3-64 of the file; if it refers to others, of its hash and theirs, each as 8 bytes, in the order of use.
     pub xxh3: u64,
-    /// The files that it refers to, also those that are not there.
+    /// The files that it refers to, also those that were not read.
     pub referred: Vec<ReferredFile>,
 }
 

@@ -265,11 +265,7 @@ impl<'a> Obj<'a> {
         if let Ok(path) = files::resolve(self.source, file) {
             match &read {
                 Ok(library) => self.draft.referred.add(&path, library),
-                Err(ImportError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
-                    self.draft.referred.add_missing(&path);
-                }
-                // It is there, but nothing that is read.
-                Err(_) => {}
+                Err(_) => self.draft.referred.add_unread(&path),
             }
         }
         match read {

@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
 use crate::container::{ContainerError, ReferredFile, Source};
-use crate::import::{ImportError, ImportOptions, import};
+use crate::import::{ImportError, ImportOptions, import, length_beside};
 use crate::loaded::LoadedScene;
 use crate::prepare::{BuildError, BuildSettings, build};
 use crate::progress::Progress;
@@ -224,10 +224,12 @@ fn is_current(scene: &Scene, kept: SystemTime, model: &Path) -> std::io::Result<
         let mut own_length = source.bytes;
         for ReferredFile { name, bytes } in &source.referred {
             own_length = own_length.saturating_sub(bytes.unwrap_or(0));
-            // What cannot be looked at is not there: reading it will say why, if it must. What was missing may come later.
-            let meta = std::fs::metadata(folder.join(name)).ok().filter(std::fs::Metadata::is_file);
-            lengths_are_right &= *bytes == meta.as_ref().map(std::fs::Metadata::len);
-            newest = newest.max(meta.and_then(|meta| meta.modified().ok()).unwrap_or(newest));
+            // What was missing may come later.
+            let length = length_beside(folder, name);
+            lengths_are_right &= *bytes == length;
+            if length.is_some() {
+                newest = newest.max(std::fs::metadata(folder.join(name))?.modified()?);
+            }
         }
         lengths_are_right &= std::fs::metadata(&file).is_ok_and(|meta| meta.len() == own_length);
     }

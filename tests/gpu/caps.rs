@@ -112,13 +112,19 @@ fn where_parts_touch_the_one_that_is_left_is_capped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.vxs");
     let mut model = random_model(3, 0, DVec3::ZERO);
-    model.parts = vec![Part { name: "box".to_owned(), mesh: cuboid() }];
-    // A box from 0 to 1; as it is made, it goes from -1 to 1.
-    let unit = DAffine3::from_scale(DVec3::splat(0.5)) * DAffine3::from_translation(DVec3::ONE);
+    // Its corners do not lie on its grid: they are rounded.
+    let half = DVec3::new(1.0 / 3.0, 0.3, 0.7);
+    let mut mesh = cuboid();
+    mesh.positions.iter_mut().for_each(|corner| *corner *= half);
+    model.parts = vec![Part { name: "box".to_owned(), mesh }];
+    // A box from 0 to 1.
+    let unit = DAffine3::from_scale(0.5 / half) * DAffine3::from_translation(half);
     let turned = DAffine3::from_axis_angle(DVec3::new(0.3, 1.0, -0.4).normalize_or_zero(), 0.7);
     let world = DAffine3::from_translation(DVec3::new(120.3, -7.7, 45.1)) * turned;
     let (first, second) = (DVec3::new(1.7, 1.3, 2.0), DVec3::new(2.3, 1.9, 2.6));
-    for (at, size) in [(DVec3::ZERO, first), (DVec3::X * first.x - 0.2 * DVec3::Y, second)] {
+    // And something far behind, so that what a parallel projection sees reaches far.
+    let beside = DVec3::X * first.x - 0.2 * DVec3::Y;
+    for (at, size) in [(DVec3::ZERO, first), (beside, second), (DVec3::new(0.0, 0.0, -300.0), DVec3::ONE)] {
         let node = model.nodes.len() as u32;
         model.nodes.push(Node { name: "box".to_owned(), ..Node::default() });
         let world_from_part = world * DAffine3::from_translation(at) * DAffine3::from_scale(size) * unit;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use voxsight::progress::Silent;
-use voxsight::viewer::load::{cache_of, open};
+use voxsight::viewer::load::{Opened, cache_of, open};
 
 use super::Sample;
 
@@ -120,6 +120,25 @@ fn files_that_a_model_refers_to_are_looked_at_wherever_they_are() {
     open(&long, &Silent).unwrap();
     set_time(&folder.path().join("long.obj.view.vxs"), 10);
     assert!(open(&long, &Silent).unwrap().remarks.is_empty(), "it is kept");
+    // A link that leads out of the folder is refused; what takes its place is not.
+    #[cfg(unix)]
+    {
+        let elsewhere = tempfile::tempdir().unwrap();
+        let library = elsewhere.path().join("library.mtl");
+        fs::write(&library, "newmtl red\nKd 1 0 0\n").unwrap();
+        let linked = folder.path().join("linked.obj");
+        write_box(&linked, 1.0);
+        let text = fs::read_to_string(&linked).unwrap();
+        fs::write(&linked, format!("mtllib linked.mtl\nusemtl red\n{text}")).unwrap();
+        std::os::unix::fs::symlink(&library, folder.path().join("linked.mtl")).unwrap();
+        let refused = open(&linked, &Silent).unwrap();
+        set_time(&refused.path, 10);
+        assert!(open(&linked, &Silent).unwrap().remarks.is_empty(), "it is kept");
+        fs::remove_file(folder.path().join("linked.mtl")).unwrap();
+        fs::copy(&library, folder.path().join("linked.mtl")).unwrap();
+        let colour = |opened: &Opened| opened.scene.scene().objects()[0].colour;
+        assert_ne!(colour(&open(&linked, &Silent).unwrap()), colour(&refused));
+    }
     // A material library that comes later.
     let model = folder.path().join("box.obj");
     write_box(&model, 1.0);

@@ -15,8 +15,8 @@ const MOST_AT_ONCE: usize = 2000;
 pub(super) struct Showing {
     /// Of the state as it is; made when it is first asked for.
     newest: OnceLock<Arc<Shown>>,
-    /// What was last told by [`Showing::soon`].
-    before: Arc<Shown>,
+    /// What was last told by [`Showing::soon`], and the state that it is of.
+    before: (Arc<Shown>, Arc<State>),
     /// Of the state as it was when it was begun.
     making: Option<Making>,
 }
@@ -32,8 +32,9 @@ struct Making {
 impl Showing {
     /// As the file has it.
     pub fn new(scene: &Arc<LoadedScene>) -> Self {
-        let all = Arc::new(make(scene, &State::default()));
-        Showing { newest: OnceLock::from(Arc::clone(&all)), before: all, making: None }
+        let state = Arc::default();
+        let all = Arc::new(make(scene, &state));
+        Showing { newest: OnceLock::from(Arc::clone(&all)), before: (all, state), making: None }
     }
 
     /// The state is another one.
@@ -41,6 +42,12 @@ impl Showing {
         // Where planes alone are others, the rest is taken over: one is dragged.
         let newest = self.newest.take().filter(|_| is_same_but_for_planes(before, after));
         self.newest = newest.map_or_else(OnceLock::new, |shown| OnceLock::from(with_planes(&shown, after)));
+    }
+
+    /// Is a thread at it?
+    #[cfg(test)]
+    pub fn is_making(&self) -> bool {
+        self.making.is_some()
     }
 
     /// Of the state as it is.
@@ -51,15 +58,20 @@ impl Showing {
     /// Of the state as it is, if that is made or quickly made; else the newest that is, and a thread makes it. Is it of this state?
     pub fn soon(&mut self, scene: &Arc<LoadedScene>, state: &Arc<State>) -> (Arc<Shown>, bool) {
         let has_died = !self.take_made(state);
+        let (shown, of) = &self.before;
+        if self.newest.get().is_none() && is_same_but_for_planes(of, state) {
+            // Back where it was.
+            self.newest = OnceLock::from(with_planes(shown, state));
+        }
         let at_once = has_died || state.motions.len() <= MOST_AT_ONCE || self.newest.get().is_some();
         if at_once || (self.making.is_none() && !self.begin(scene, state)) {
-            self.before = self.now(scene, state);
+            self.before = (self.now(scene, state), Arc::clone(state));
             if let Some(making) = &mut self.making {
                 making.is_passed = true;
             }
-            return (Arc::clone(&self.before), true);
+            return (Arc::clone(&self.before.0), true);
         }
-        (Arc::clone(&self.before), false)
+        (Arc::clone(&self.before.0), false)
     }
 
     /// Takes over what the thread has made. False: it has panicked.
@@ -72,7 +84,7 @@ impl Showing {
                 self.newest.get_or_init(|| with_planes(&made, state));
             }
             // Of a state that has passed: a long drag is seen on its way, but what was taken back is not seen again.
-            Ok(made) if !making.is_passed => self.before = made,
+            Ok(made) if !making.is_passed => self.before = (made, Arc::clone(&making.state)),
             Ok(_) => {}
             Err(TryRecvError::Empty) => return true,
             Err(TryRecvError::Disconnected) => lives = false,

@@ -126,9 +126,9 @@ impl Session {
         self.rectangle = None;
         let Some(dragging) = self.dragging.take() else { return };
         match (&dragging.before, dragging.handle) {
-            (Before::Parts { objects, motions, .. }, handle) => {
+            (Before::Parts { motions, .. }, handle) => {
                 let name = if matches!(handle, Handle::About(_)) { "Rotate" } else { "Move" };
-                self.document.drag_by(name, objects, motions, DAffine3::IDENTITY);
+                self.document.change_on(name, |state| state.motions = Arc::clone(motions));
             }
             (Before::Plane(plane), Handle::Section(index)) => {
                 self.document.change_on(&format!("Move section {}", index + 1), |state| {

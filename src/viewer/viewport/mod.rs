@@ -58,6 +58,8 @@ pub struct Viewport {
     still: u32,
     /// The frame that last looked otherwise than the one before.
     changed: u64,
+    /// The first frame of what is shown.
+    shown_since: u64,
     drawn_camera: Option<Camera>,
     frozen_camera: Option<Camera>,
     checking: Option<Checking>,
@@ -103,6 +105,7 @@ impl Viewport {
             last: None,
             still: 0,
             changed: 0,
+            shown_since: 0,
             drawn_camera: None,
             frozen_camera: None,
             checking: None,
@@ -156,10 +159,16 @@ impl Viewport {
             shadow_samples,
             ..std::mem::take(&mut self.figures)
         };
+        // What is kept of the picture, or judged by it, waits until it shows what the session does.
+        let asked_in = record.frame - record.age.min(record.frame);
+        let is_up_to_date = !self.is_showing_late && (session.is_frozen || asked_in >= self.shown_since);
         self.last = Some((record, now));
         self.drawn_camera = Some(camera);
+        if is_up_to_date && std::mem::take(&mut session.is_check_wanted) {
+            self.begin_check(session);
+        }
         self.follow_check(session)?;
-        self.remember(session)?;
+        self.remember(session, is_up_to_date)?;
         let fault = self.walk.shadow_fault().map(ToString::to_string);
         if fault != self.told_fault {
             fault.iter().for_each(|fault| session.tell(format!("shadows: {fault}")));
@@ -179,10 +188,9 @@ impl Viewport {
     }
 
     /// Remembers a view with its picture, as soon as that has come back.
-    fn remember(&mut self, session: &mut Session) -> Result<(), GpuError> {
+    fn remember(&mut self, session: &mut Session, is_up_to_date: bool) -> Result<(), GpuError> {
         let targets = self.walk.renderer().targets();
-        // A view is kept with a picture of what it shows.
-        if self.thumbnail.is_none() && !session.wanted_bookmarks.is_empty() && !self.is_showing_late {
+        if self.thumbnail.is_none() && !session.wanted_bookmarks.is_empty() && is_up_to_date {
             self.thumbnail = Some((targets.picture.read_later(&self.context), targets.size));
         }
         let Some((read, (width, height))) = &self.thumbnail else { return Ok(()) };
@@ -210,7 +218,8 @@ impl Viewport {
         if !Arc::ptr_eq(&shown, self.walk.shown()) {
             self.walk.set_shown(shown)?;
             self.still = 0;
-            self.changed = self.last.as_ref().map_or(0, |(record, _)| record.frame + 1);
+            self.shown_since = self.last.as_ref().map_or(0, |(record, _)| record.frame + 1);
+            self.changed = self.shown_since;
         }
         self.walk.set_limits(limits(session));
         if session.is_frozen != self.frozen_camera.is_some() {
@@ -224,9 +233,6 @@ impl Viewport {
             for object in session.document.selected().iter() {
                 scene.object_drawables(object).for_each(|drawable| self.marks.set(drawable, SELECTED, true));
             }
-        }
-        if !self.is_showing_late && std::mem::take(&mut session.is_check_wanted) {
-            self.begin_check(session);
         }
         Ok(())
     }
